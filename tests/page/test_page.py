@@ -1,38 +1,81 @@
-"""What a page promises: one file, no network, what it shows and gives away, and who is refused."""
+"""What a page promises: one file, no network, who is refused, and trials that are the program's to the bit."""
 
 import gzip
 import json
 import re
 import shutil
+from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import yaml
 
-from epuck_sim import ParticleSimulation, ScenarioError, Simulation, load_scenario
+from epuck_sim import ParticleSimulation, ScenarioError, Simulation, load_scenario, run_trial
 from epuck_sim.page import own
 from epuck_sim.page.kernels import ANEW, read_module
 from epuck_sim.page.roots import is_fresh, meanings
 from epuck_sim.page.writer import make_page, page_data, write_page
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.statistic import estimate_mean
+from epuck_sim.trial.model import simulate
+from epuck_sim.util.seeds import trial_seed
 from tests.browsers import Driven
 from tests.cli.commands import call
 from tests.control.bench import EMPTY
 from tests.tools import needs_browser
 
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driven]:
+    """The browser of all tests of pages."""
+    driven = Driven(tmp_path_factory.mktemp("browser") / "profile")
+    yield driven
+    driven.close()
+
+
+@pytest.fixture
+def opened(browser: Driven, tmp_path: Path) -> Iterator[Callable[..., Driven]]:
+    """A function that opens the page of a scenario, with changes, and returns the browser."""
+
+    def open_page(name: str, changes: Sequence[str] = ()) -> Driven:
+        write_page(name, tmp_path / "page.html", changes)
+        browser.said.clear()
+        browser.open((tmp_path / "page.html").as_uri())
+        return browser
+
+    yield open_page
+    browser.leave()
+
+
 MOST_BYTES = 500_000
 
 
 @pytest.mark.parametrize("model", ["particles", "embodied"])
-def test_the_webassembly_is_made_from_the_kernels_as_they_are(model: Any) -> None:
+def test_the_webassembly_is_made_from_the_kernels_as_they_are_and_asks_for_nothing(model: Any) -> None:
     assert is_fresh(model), f"the kernels of {model} have changed since their WebAssembly was made; {ANEW}"
+    module = gzip.decompress(read_module(model))
+    assert module[:8] == b"\0asm\1\0\0\0"
+    place, sections = 8, set()
+    while place < len(module):
+        kind, place, size, shift = module[place], place + 1, 0, 0
+        while True:
+            byte, place = module[place], place + 1
+            size, shift = size | (byte & 127) << shift, shift + 7
+            if byte < 128:
+                break
+        sections.add(kind)
+        place += size
+    assert 2 not in sections  # imports
 
 
 LIMIT = 3
 
 
-def test_comments_and_docstrings_make_no_webassembly_stale_but_code_and_values_do(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_comments_and_docstrings_make_no_webassembly_stale_but_code_and_values_do(monkeypatch) -> None:
     def one(x: float) -> float:
         return x + LIMIT
 
@@ -52,23 +95,6 @@ def test_comments_and_docstrings_make_no_webassembly_stale_but_code_and_values_d
     assert said(one) != before
 
 
-@pytest.mark.parametrize("model", ["particles", "embodied"])
-def test_modules_ask_for_nothing(model: Any) -> None:
-    module = gzip.decompress(read_module(model))
-    assert module[:8] == b"\0asm\1\0\0\0"
-    place, sections = 8, set()
-    while place < len(module):
-        kind, place, size, shift = module[place], place + 1, 0, 0
-        while True:
-            byte, place = module[place], place + 1
-            size, shift = size | (byte & 127) << shift, shift + 7
-            if byte < 128:
-                break
-        sections.add(kind)
-        place += size
-    assert 2 not in sections  # imports
-
-
 @pytest.mark.parametrize("name", ["particles", "kilobots", "obstacles", "spotlight"])
 def test_a_page_is_one_small_file_that_names_no_other(name: str) -> None:
     page = make_page(load_scenario(name), name)
@@ -83,14 +109,16 @@ def test_a_page_is_one_small_file_that_names_no_other(name: str) -> None:
     assert "@" not in re.sub(r"<(style|script).*?</\1>", "", page, flags=re.DOTALL)  # all names are filled in
 
 
-WAITING = ["measures=[order_parameter]", "stop={when: order_parameter > 0.9, order_parameter: null}"]
 REFUSED = {
     "sweep": ("fig-4-2a", []),
     "agents.count": ("particles", ["agents.count=5000"]),
     "agents.speed_distribution": ("particles", ["agents.speed_distribution=exponential"]),
     "clocks.jitter": ("particles", ["clocks.jitter=0.1"]),
     "start.like": ("particles", ["agents.count=10", "space.side_cm=60", "start={like: thesis}"]),
-    "stop.when": ("particles", WAITING),
+    "stop.when": (
+        "particles",
+        ["measures=[order_parameter]", "stop={when: order_parameter > 0.9, order_parameter: null}"],
+    ),
     "schedule": ("particles", ["schedule=[{at_s: 3, set: {agents.speed_cm_s: 2}}]"]),
     "robots": ("thesis", ["robots.0.count=300", "arena={width_cm: 500, height_cm: 500}"]),
     "robots.controller": ("thesis", ["robots.0.controller=external", "robots.0.parameters={}"]),
@@ -118,10 +146,8 @@ def sense(world, robot, readings, parameters, random):
 GROUPS = "robots=[{count: 4}, {count: 3, controller: mine.py, sensors: [near.py, far.py]}]"
 
 
-def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With ziglang, which takes long, tests/page/test_trials.py has them run."""
+def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(tmp_path: Path, monkeypatch) -> None:
+    """With ziglang, which takes long, another test has them run."""
     monkeypatch.chdir(tmp_path)
     Path("mine.py").write_text(EMPTY)
     Path("curve.py").write_text(CURVE.format("coupling * phase"))
@@ -159,16 +185,11 @@ def test_firmware_is_refused_by_name(tmp_path: Path) -> None:
         write_page("thesis", tmp_path / "x.html", changes)
 
 
-def test_the_command_writes_a_page_and_says_where(tmp_path: Path) -> None:
+def test_commands_write_a_page_and_say_where_or_open_it_which_the_next_one_replaces(monkeypatch, tmp_path) -> None:
     path = tmp_path / "x.html"
     result = call("page", "particles", "--set", "agents.count=7", "--to", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
     assert "epuck-sim page particles" in path.read_text()
-
-
-def test_play_opens_a_page_in_the_browser_which_the_next_one_replaces(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -223,7 +244,7 @@ def test_robots_without_oscillators_have_no_cycles_and_a_refused_seed_does_not_s
 
 
 @needs_browser
-def test_a_link_brings_values_and_seed_back(opened) -> None:
+def test_a_link_brings_values_and_seed_back_and_robots_that_do_not_fit_are_said(opened) -> None:
     browser = opened("particles")
     browser.run("page.change({'agents.speed_cm_s': 2, 'neighbourhood.kind': 'range'}); page.take_seed(12n)")
     link, command = browser.run("[location.href, page.command]")
@@ -232,15 +253,10 @@ def test_a_link_brings_values_and_seed_back(opened) -> None:
     )
     browser.open(link)
     assert browser.run("[page.command, String(page.seed)]") == [command, "12"]
-
-
-@needs_browser
-def test_robots_that_do_not_fit_are_said_and_the_page_goes_on(opened) -> None:
     browser = opened("thesis")
     browser.run("page.change({'robots.0.count': 50, 'arena.width_cm': 30})")
-    assert "do not fit" in browser.run(
-        "page.picture(performance.now()), document.getElementById('trouble').textContent"
-    )
+    said = browser.run("page.picture(performance.now()), document.getElementById('trouble').textContent")
+    assert "do not fit" in said
     browser.run("page.change({...page.data.values}), page.advance(1)")
     assert browser.run("document.getElementById('trouble').hidden")
 
@@ -268,3 +284,226 @@ def test_a_push_and_a_drag_change_the_swarm(opened) -> None:
         assert (x, y) == pytest.approx((31, 12))
         browser.run("page.advance(3)")
         assert browser.run("page.is_touched")
+
+
+CASES: dict[str, tuple[str, list[str], int]] = {
+    # name: scenario, changes, trials
+    "agents": ("particles", [], 40),
+    "agents in cones": ("particles", ["neighbourhood={kind: cone_of_vision, angle_deg: 90}"], 20),
+    "agents with emission": ("particles", ["neighbourhood={kind: cone_of_emission, angle_deg: 50, radius_cm: 60}"], 20),
+    "agents in range": ("particles", ["neighbourhood={kind: range, radius_cm: 30}", "stop.max_cycles=200"], 20),
+    "any agents": ("particles", ["neighbourhood={kind: random, k: 2}"], 20),
+    "all agents": ("particles", ["neighbourhood={kind: all}", "space.boundary=mirrored"], 20),
+    "agents in space": ("particles", ["space={dimensions: 3, boundary: cyclic}", "neighbourhood.k=3"], 20),
+    "agents on a line": ("particles", ["space.dimensions=1", "stop.max_cycles=100"], 20),
+    "agents that walk": (
+        "particles",
+        ["agents.walk={kind: levy, run_s: 0.5, exponent: 2}", "agents.reorient_on=[arriving]"],
+        20,
+    ),
+    "agents that turn a little": ("particles", ["agents.walk={kind: correlated, run_s: 0.3, persistence: 0.6}"], 20),
+    "many agents": ("particles", ["agents.count=500", "neighbourhood.k=5", "stop.max_cycles=12"], 3),
+    "agents by the clock": ("particles", ["stop.max_time_s=7.35"], 20),
+    "agents with a sine": ("particles", ["response={curve: sine, coupling: 0.3}", "stop.max_cycles=60"], 10),
+    "agents with a concave state": ("particles", ["response.curve=mirollo_strogatz", "response.refractory=0.1"], 10),
+    "agents that start together": ("particles", ["start={phases: synchronised, displacement: 0.3}"], 20),
+    "agents with places": (
+        "particles",
+        [
+            "agents.count=2",
+            "start={positions_cm: [[10, 20], [30, 40]], headings: [[1, 0], [0, 2]], phases: [0.2, 0.9]}",
+        ],
+        5,
+    ),
+    "robots": ("thesis", ["stop.max_cycles=20"], 20),
+    "robots that differ": ("physical", [], 2),
+    "robots that touch": ("crowded", ["stop.max_cycles=12"], 2),
+    "robots among obstacles": ("obstacles", [], 4),
+    "robots with radios": ("kilobots", ["stop.max_cycles=20"], 3),
+    "robots with cones": ("thesis", ["robots.0.signal={kind: cone, angle_deg: 120}"], 4),
+    "robots with mirrors and slow cameras": (
+        "thesis",
+        ["robots.0.camera={frames_per_s: 8, latency_ms: 50, reflection_range_cm: 100}", "spread.clock_rate=0.02"],
+        4,
+    ),
+    "robots with friction": ("thesis", ["contact={friction: 0.4}", "robots.0.count=20", "stop.max_cycles=12"], 2),
+    "robots that pass through each other": ("thesis", ["contact.robots=false", "stop.max_time_s=60"], 3),
+    "no oscillators": ("wall", [], 2),
+}
+
+
+def ended(scenario: Any, seeds: range) -> list[list[Any]]:
+    """Return how the program's trials end."""
+    simulation, rows = simulate(scenario, 0), []
+    for seed in seeds:
+        simulation.reset(seed)
+        end = run_trial(simulation)
+        rows.append([end.cycles, end.t_sync_cycles is not None, end.order_parameter, end.steps, end.simulated_s])
+    return rows
+
+
+TRIALS = """
+(values, seeds) => {
+  const swarm = makeSwarm(page.modules, page.data.facts, values);
+  return seeds.map((seed) => {
+    swarm.reset(BigInt(seed));
+    const run = swarm.run();
+    let step = run.next();
+    while (!step.done) step = run.next();
+    const { cycles, is_synchronised, order_parameter, steps, time_s } = step.value;
+    return [cycles, is_synchronised, order_parameter, steps, time_s];
+  });
+}
+"""
+
+
+@needs_browser
+@pytest.mark.parametrize("case", CASES)
+def test_trials_end_as_the_programs_do_to_the_bit(opened, case: str) -> None:
+    name, changes, trials = CASES[case]
+    found = opened(name, changes).run(f"({TRIALS})(page.values, {json.dumps(list(range(trials)))})")
+    assert found == ended(load_scenario(name, changes), range(trials))
+
+
+OWN_FILES = {
+    "turner.py": """
+from epuck_sim.util.rng import randint
+from oscillator import is_flash
+
+PARAMETERS = {"period_s": 5.0, "flash_pixels": 1, "speed_cm_s": 6.0, "mean_wait_steps": 40}
+MEMORY = {"phase_ms": float, "wait": int, "sightings": int}
+
+def start(memory, parameters, random):
+    memory.phase_ms = 50.0 * randint(random, 100)
+
+def step(sensors, memory, actuators, parameters, random):
+    is_red = is_flash(sensors, parameters)
+    memory.sightings += int(is_red)
+    memory.phase_ms += 2.5 * sensors.step_ms if is_red else sensors.step_ms
+    actuators.ring_on = memory.phase_ms >= 1000 * parameters.period_s
+    if actuators.ring_on:
+        memory.phase_ms = 0.0
+    memory.wait -= 1
+    if memory.wait < -4:
+        memory.wait = randint(random, 2 * parameters.mean_wait_steps)
+    actuators.left_cm_s = -parameters.speed_cm_s if memory.wait < 0 else parameters.speed_cm_s
+    actuators.right_cm_s = parameters.speed_cm_s * sensors.ground * (0.5 + sensors.across)
+""",
+    "ground.py": """
+from epuck_sim.embodied.sensing import brightness_at
+from epuck_sim.util.rng import uniform
+
+PARAMETERS = {"noise": 0.2}
+READINGS = {"ground": float}
+
+def sense(world, robot, readings, parameters, random):
+    readings.ground = brightness_at(world, robot.x, robot.y) + parameters.noise * uniform(random)
+""",
+    "bright.py": """
+READINGS = {"across": float}
+
+def sense(world, robot, readings, parameters, random):
+    readings.across = robot.x / world.width_cm
+""",
+}
+TURNERS = [
+    "robots=[{count: 4}, {count: 4, controller: turner.py, sensors: [bright.py, ground.py]}]",
+    "arena.floor.patches=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 15, brightness: 0.1}]",
+    "stop.max_cycles=20",
+]
+GOLDEN_FILES = Path(__file__).parents[1] / "golden_files"
+BENT = [f"response={{curve: {GOLDEN_FILES}/bent_curve.py, coupling: 0.1}}", "stop.max_cycles=200"]
+OWN_CASES = {
+    "a controller and its sensors": ("thesis", TURNERS, []),
+    "a response curve": ("particles", BENT, ["response.coupling=0.2"]),
+}
+
+
+@pytest.mark.slow
+@needs_browser
+@pytest.mark.skipif(find_spec("ziglang") is None, reason="there is no ziglang to compile users' files for pages with")
+@pytest.mark.parametrize("case", OWN_CASES)
+def test_a_users_files_run_in_a_page_to_the_bit(opened, tmp_path: Path, monkeypatch, case: str) -> None:
+    for name, text in OWN_FILES.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    name, changes, moved = OWN_CASES[case]
+    browser, scenario = opened(name, changes), load_scenario(name, changes)
+    assert browser.run(f"({TRIALS})(page.values, {json.dumps(list(range(8)))})") == ended(scenario, range(8))
+    for key, value in (change.split("=") for change in moved):
+        browser.run(f"page.change({{'{key}': {value}}})")
+    found = browser.run(f"({TRIALS})(page.values, [3, 4])")
+    assert found == ended(load_scenario(name, [*changes, *moved]), range(3, 5))
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["particles", "thesis"])
+def test_what_sliders_change_is_what_the_command_says(opened, name: str) -> None:
+    browser = opened(name, ["stop.max_cycles=30"])
+    settings = page_data(load_scenario(name, ["stop.max_cycles=30"]), name)["settings"]
+    random = np.random.default_rng(3)
+    for _ in range(5):
+        chosen = [each for each in settings if each["key"] != "stop.max_cycles" and random.random() < 0.5]
+        values = {each["key"]: each["stops"][random.integers(len(each["stops"]))] for each in chosen}
+        values |= {"robots.0.count": min(values["robots.0.count"], 10)} if "robots.0.count" in values else {}
+        browser.run(f"page.change({json.dumps(values)})")
+        if browser.run("find('trouble').hidden") is False:
+            continue  # the robots do not fit, which the program says, too
+        sets = [f"{key}={value}" for key, value in browser.run("page.changes()")]
+        changed = load_scenario(name, ["stop.max_cycles=30", *sets])
+        found = browser.run(f"({TRIALS})(page.values, [5, 6])")
+        assert found == ended(changed, range(5, 7)), sets
+        kept = load_scenario(yaml.safe_load(browser.run("toYaml(page.nested())")))
+        assert kept.model_copy(update={"description": ""}) == changed.model_copy(update={"description": ""})
+        browser.run("find('defaults').click()")
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["particles", "thesis"])
+def test_a_trial_that_is_looked_at_ends_as_one_that_is_not(opened, name: str) -> None:
+    browser = opened(name)
+    looked = browser.run(
+        """(() => {
+          const swarm = makeSwarm(page.modules, page.data.facts, page.values), flashes = [];
+          swarm.reset(4n);
+          for (let time = 0; !swarm.has_ended; time += 0.37) {
+            swarm.advance_to(time, (at, who) => flashes.push([at, who]));
+            swarm.look();
+            if (swarm.receivers) swarm.receivers(3);
+          }
+          const { cycles, order_parameter, steps } = swarm.finish();
+          return [cycles, order_parameter, steps, flashes.length, flashes];
+        })()"""
+    )
+    ((cycles, _, order, steps, _),) = browser.run(f"({TRIALS})(page.values, [4])")
+    assert looked[:3] == [cycles, order, steps]
+    assert looked[3] > 5 * cycles
+    assert all(one[0] <= other[0] for one, other in pairwise(looked[4]))
+
+
+@needs_browser
+@pytest.mark.parametrize("worker", ["", "globalThis.Worker = class { constructor() { throw new Error('refused'); } };"])
+def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(opened, worker: str) -> None:
+    browser, scenario = opened("particles"), load_scenario("particles")
+    browser.run(f"{worker} page.take_seed(7n); page.hundred()")
+    rows = [line.split(",") for line in browser.run("page.csv()").splitlines()[1:]]
+    rows.sort(key=lambda row: int(row[1]))
+    seeds = [trial_seed(7, trial) for trial in range(100)]
+    assert [int(row[2]) for row in rows] == seeds
+    expected = [ended(scenario, range(seed, seed + 1))[0] for seed in seeds[:5]]
+    assert [[int(row[3]), float(row[6])] for row in rows[:5]] == [[row[0], row[2]] for row in expected]
+    assert browser.run("find('summary').hidden") is (worker == "")
+    assert "100 trials: mean T_sync" in browser.run("find('histogram').ariaLabel")
+
+
+@needs_browser
+def test_means_and_intervals_are_the_programs(opened) -> None:
+    browser = opened("particles")
+    random = np.random.default_rng(1)
+    for limit in (1000, 40, 15):
+        times = np.minimum(random.integers(5, 60, 30), limit)
+        results = [{"cycles": int(time), "is_synchronised": bool(time < limit)} for time in times]
+        found = browser.run(f"estimate({json.dumps(results)}, {limit}, page.data.student)")
+        expected = estimate_mean(Measured(times.astype(float), times < limit, float(limit), 0))
+        ends = [expected.value, expected.low, expected.high]
+        assert [found["mean"], found["low"], found["high"]] == pytest.approx(ends, rel=1e-12)

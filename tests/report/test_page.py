@@ -66,7 +66,6 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def html(folder) -> str:
-    """Return the folder's page."""
     return make_page(folder)
 
 
@@ -113,18 +112,10 @@ def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_
 
 
 def test_names_and_messages_stay_text(tmp_path, monkeypatch) -> None:
-    folder = store(
-        tmp_path / NASTY.replace("/", ""),
-        sweep({SPEED: [1, 2]}, name=NASTY, description=NASTY),
-        lambda p: weibull(p, 50, 2),
-    )
-    read = page_module.read_status
-
-    def nasty(path):
-        status = read(path)
-        return status._replace(failed=[Failure(0, 1, 7, NASTY + "\0\ud800")])
-
-    monkeypatch.setattr(page_module, "read_status", nasty)
+    scenario = sweep({SPEED: [1, 2]}, name=NASTY, description=NASTY)
+    folder = store(tmp_path / NASTY.replace("/", ""), scenario, lambda p: weibull(p, 50, 2))
+    read, failed = page_module.read_status, [Failure(0, 1, 7, NASTY + "\0\ud800")]
+    monkeypatch.setattr(page_module, "read_status", lambda path: read(path)._replace(failed=failed))
     write_report(folder, tmp_path / "page.html")
     page = Page((tmp_path / "page.html").read_text())
     assert not {"b", "img"} & set(page.tags)
@@ -133,12 +124,9 @@ def test_names_and_messages_stay_text(tmp_path, monkeypatch) -> None:
 
 
 def test_series_and_measures_of_agents(tmp_path) -> None:
-    scenario = load_scenario(
-        "particles",
-        ["stop={order_parameter: null, max_cycles: 3}", "trials=2"],
-        ["agents.speed_cm_s=1,20"],
-        measures=["order_parameter", "near_walls"],
-    )
+    changes = ["stop={order_parameter: null, max_cycles: 3}", "trials=2"]
+    measures = ["order_parameter", "near_walls"]
+    scenario = load_scenario("particles", changes, ["agents.speed_cm_s=1,20"], measures=measures)
     run_sweep(scenario, tmp_path / "run", pool_here)
     html = make_page(tmp_path / "run")
     assert figures_of(html) == ["curves-near-walls", "violins-near-walls", "series-order-parameter"]

@@ -1,34 +1,117 @@
-"""Claims about tables: no number is broken on any terminal, and every form of a table has the same numbers."""
+"""Pictures of the arena show robots where they are, and tables have the same numbers in every form."""
 
 import csv
 import json
 import math
 import re
+from base64 import b64decode
 from io import StringIO
+from xml.etree.ElementTree import fromstring
 
+import cv2
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.display.html import to_html
+from epuck_sim import ParticleSimulation, load_scenario
+from epuck_sim.arena import make_arena, make_floor
+from epuck_sim.display.arena_svg import DARK, LIT, draw_arena
+from epuck_sim.display.html import element, table, to_html
 from epuck_sim.display.table import Row, Share, Table, cell_text, shortest_endings
 from epuck_sim.estimate import Estimate, significant
+from epuck_sim.trial.model import run_trial, simulate
+
+SQUARE = np.array([[10.0, 10.0], [20.0, 10.0], [20.0, 20.0], [10.0, 20.0]])
+
+
+def test_robots_lie_where_they_are_with_y_upwards() -> None:
+    arena = make_arena(60, 40, [(30, 30, 5)], [SQUARE])
+    poses = np.array([[10.0, 30.0, 0.0], [50.0, 5.0, math.pi / 2]])
+    drawn = draw_arena(arena, poses, 3.7, np.array([True, False]))
+    walls, square = (each.get("points") for each in drawn.findall("polygon"))
+    assert walls == "0,0 60,0 60,40 0,40"
+    assert square == "10,30 20,30 20,20 10,20"
+    first, second = drawn.findall("g")
+    found = [[each.find("circle").get(key) for key in ("cx", "cy", "fill")] for each in (first, second)]
+    assert found == [["10", "10", LIT], ["50", "35", DARK]]
+    assert [each.find("text").text for each in (first, second)] == ["0", "1"]
+    assert (second.find("line").get("x2"), second.find("line").get("y2")) == ("50", "31.3")
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
+def test_agents_are_shown_in_every_space(dimensions: int) -> None:
+    simulation = ParticleSimulation({"model": "particles", "space": {"dimensions": dimensions}}, seed=1)
+    simulation.run(3)
+    drawn = fromstring("<div>" + simulation._repr_html_() + "</div>")
+    places = [float(circle.get("cx")) for circle in drawn.findall(".//{*}circle")]
+    assert np.allclose(places, simulation.positions()[:, 0], rtol=1e-4)
+    assert ("a cube" in simulation._repr_html_()) == (dimensions == 3)
+
+
+@pytest.mark.parametrize("name", ["thesis", "particles"])
+def test_showing_changes_no_outcome(name: str) -> None:
+    scenario = load_scenario(name, ["stop.max_cycles=5"])
+    looked_at = simulate(scenario, 3)
+    assert looked_at._repr_html_()
+    watched = run_trial(looked_at, [lambda *_: looked_at._repr_html_()])
+    assert watched._replace(wall_s=0) == run_trial(simulate(scenario, 3))._replace(wall_s=0)
+
+
+def test_text_is_escaped_wherever_it_stands() -> None:
+    nasty = "<b>&\"'"
+    html = to_html(element("p", nasty, element("i", nasty), nasty, title=nasty), table([nasty], [[nasty]]))
+    assert html.count("&lt;b&gt;&amp;") == 5
+    assert 'title="<b&gt;&amp;&quot;' in html  # in an attribute, only > and quotes end something
+    assert "<b>" not in html
+    assert nasty not in load_scenario({"name": nasty})._repr_html_()
+
+
+NOBODY = np.empty((0, 3)), 3.7, np.empty(0, bool)
+
+
+def test_patches_lie_in_their_order_below_everything_and_end_at_the_walls() -> None:
+    floor = make_floor(0.8, [(0, (10, 30, 5)), (1, SQUARE), (0.5, (59, 1, 9))])
+    drawn = draw_arena(make_arena(60, 40, [(30, 30, 5)], [], floor=floor), *NOBODY)
+    ground, walls, obstacle = drawn
+    assert (ground.tag, ground.get("viewBox"), ground.get("y"), walls.tag) == ("svg", "0 0 60 40", "0", "polygon")
+    fills = {"rect": "#cccccc", "circle": "#000000", "polygon": "#ffffff"}
+    assert [(part.tag, part.get("fill")) for part in ground] == [*fills.items(), ("circle", "#808080")]
+    assert [ground[1].get("cx"), ground[1].get("cy")] == ["10", "10"]
+    assert ground[2].get("points") == "10,30 20,30 20,20 10,20"
+    assert obstacle.tag == "circle"
+    assert draw_arena(make_arena(60, 40, [], []), *NOBODY).find("svg") is None
+
+
+def test_a_picture_of_the_floor_is_in_the_page_and_lamps_are_dots_that_say_how_high_and_how_strong_they_are() -> None:
+    levels = np.array([[0, 100, 200], [50, 150, 250]], np.uint8)
+    arena = make_arena(60, 40, [], [], floor=make_floor(1, [(0.5, (30, 20, 5))], levels))
+    picture, patch = draw_arena(arena, *NOBODY)[0]
+    kind, _, coded = picture.get("href").partition(",")
+    shown = cv2.imdecode(np.frombuffer(b64decode(coded), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert kind == "data:image/png;base64"
+    assert (picture.get("width"), picture.get("height"), patch.get("fill")) == ("60", "40", "#808080")
+    assert shown.shape == (213, 320)
+    np.testing.assert_array_equal(shown[53::107, 53::107], levels)
+    drawn = draw_arena(make_arena(60, 40, [], [], lamps=[(10, 30, 25, 2)]), *NOBODY)
+    (lamp,) = drawn.findall("g")
+    dot = lamp.find("circle")
+    assert lamp.find("title").text == "lamp: 25 cm, strength 2"
+    assert (dot.get("cx"), dot.get("cy")) == ("10", "10")
+
 
 NUMBERS = st.floats(-1e6, 1e6) | st.floats(1e-6, 1e-3) | st.just(0.0)
+WIDTHS = st.floats(1e-3, 1e5)
 ESTIMATES = st.builds(
-    lambda value, below, above: Estimate(value, value - below, value + above),
-    NUMBERS,
-    st.floats(1e-3, 1e5),
-    st.floats(1e-3, 1e5) | st.just(math.inf),
+    lambda at, low, high: Estimate(at, at - low, at + high), NUMBERS, WIDTHS, WIDTHS | st.just(math.inf)
 )
-COLUMNS = st.sampled_from(
-    [ESTIMATES, ESTIMATES | st.none(), NUMBERS | st.none(), st.integers(0, 10**15), st.builds(Share, st.floats(0, 1))]
-)
+SHARES = st.builds(Share, st.floats(0, 1))
 
 
 @st.composite
 def tables(draw) -> Table:
-    columns = {f"name_{'long_' * n}{n}": draw(COLUMNS) for n in range(draw(st.integers(1, 6)))}
+    kinds = st.sampled_from([ESTIMATES, ESTIMATES | st.none(), NUMBERS | st.none(), st.integers(0, 10**15), SHARES])
+    columns = {f"name_{'long_' * n}{n}": draw(kinds) for n in range(draw(st.integers(1, 6)))}
     keys = [f"robots.{n}.parameters.speed_cm_s" for n in range(draw(st.integers(1, 3)))]
     rows = [
         Row(
@@ -40,7 +123,7 @@ def tables(draw) -> Table:
     return Table("A title of some words " * 5, rows, ["A note of some words. " * 6])
 
 
-def test_an_estimate_has_the_digits_that_its_interval_leaves() -> None:
+def test_an_estimate_has_the_digits_that_its_interval_leaves_on_pages_too_which_escape_what_they_hold() -> None:
     for ends, text in [
         ((44.21, 28.9, 66.8), "44 [29, 67]"),
         ((0.0223, 0.0101, 0.0338), "0.022 [0.010, 0.034]"),
@@ -53,6 +136,9 @@ def test_an_estimate_has_the_digits_that_its_interval_leaves() -> None:
         ((0, -1, 1), "0.0 [-1.0, 1.0]"),
     ]:
         assert str(Estimate(*ends)) == text
+    table = Table("<T>", [Row({"a": "<b>"}, {"mean": Estimate(44.21, 28.9, 66.8)})], ["x < y"])
+    assert "<td>44 [29, 67]</td>" in to_html(table.to_html())
+    assert all(escaped in table._repr_html_() for escaped in ("&lt;T&gt;", "&lt;b&gt;", "x &lt; y"))
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12))
@@ -145,9 +231,3 @@ def test_json_and_csv_have_every_number(table: Table) -> None:
                 assert record[key] == (number if known else None)
                 assert (line[key] == "") == (not known)
                 assert not known or float(line[key]) == pytest.approx(number, rel=1e-5)
-
-
-def test_pages_and_notebooks_have_the_cells_and_escape_what_they_hold() -> None:
-    table = Table("<T>", [Row({"a": "<b>"}, {"mean": Estimate(44.21, 28.9, 66.8)})], ["x < y"])
-    assert "<td>44 [29, 67]</td>" in to_html(table.to_html())
-    assert all(escaped in table._repr_html_() for escaped in ("&lt;T&gt;", "&lt;b&gt;", "x &lt; y"))
