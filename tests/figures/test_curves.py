@@ -97,11 +97,8 @@ def lines_of(axes: Axes) -> list[Line2D]:
 def named(axes: Axes) -> dict[str, str]:
     """Return the colour of each curve that the legend names, by its label."""
     each = zip(*axes.get_legend_handles_labels(), strict=True)
-    return {
-        label: to_hex(handle.get_color())
-        for handle, label in each
-        if isinstance(handle, Line2D) and handle.get_linestyle() == "-"
-    }
+    lines = [(label, line) for line, label in each if isinstance(line, Line2D) and line.get_linestyle() == "-"]
+    return {label: to_hex(line.get_color()) for label, line in lines}
 
 
 def drawn(lines: list[Line2D]) -> list[tuple[float, float]]:
@@ -114,7 +111,7 @@ def seen(ticks) -> list[str]:
     return [label.get_text() for label in ticks if label.get_text()]
 
 
-def test_each_curve_is_one_line_of_its_own_colour_and_marker_with_gaps_and_a_label(panel) -> None:
+def test_each_curve_is_one_line_of_its_own_look_with_gaps_and_a_label_and_the_base_case_is_dashed(panel) -> None:
     assert [*named(panel)] == legend_texts(panel.figure)[:3] == ["ε = 0.1", "ε = 0.2", "ε = 0.4"]
     assert [to_hex(line.get_color()) for line in lines_of(panel)] == [*named(panel).values()]
     assert len({*named(panel).values()}) == 3
@@ -125,23 +122,21 @@ def test_each_curve_is_one_line_of_its_own_colour_and_marker_with_gaps_and_a_lab
         known = ~np.isnan(curve.values)
         at_points = drawn([each for each in marked(panel, marker) if each.get_linestyle() == "None"])
         assert sorted(at_points) == sorted(zip(curve.x[known], curve.values[known], strict=True))
+    base = sweep(None, figure={"base_case": {COUPLING: 0.2}})
+    axes = axes_of([each._replace(scenario=base) for each in CURVES])
+    assert [line.get_linestyle() for line in lines_of(axes)][:3] == ["-", "--", "-"]
+    assert "base case" in legend_texts(axes.figure)
 
 
-@pytest.mark.parametrize(
-    ("curves", "searches", "expected"),
-    [
-        ([FALLING], [NOTHING], ["95 % interval"]),
-        ([MOVED], [NOTHING], ["95 % interval", "undetermined: too many censored"]),
-        (
-            [BUMPY],
-            EXTREMA[:1],
-            ["95 % interval", "some trials censored", r"local minimum $V_\mathrm{m}$", r"peak $V_\mathrm{p}$"],
-        ),
-        ([curve_of([3, 2], undetermined=[0, 1])], [NOTHING], ["undetermined: too many censored"]),
-    ],
-)
-def test_the_legend_names_every_mark_that_is_drawn_and_no_other(curves, searches, expected: list[str]) -> None:
-    assert legend_texts(form_of(curves, SPEED, searches).draw_figure()) == expected
+def test_the_legend_names_every_mark_that_is_drawn_and_no_other() -> None:
+    of_places = [r"local minimum $V_\mathrm{m}$", r"peak $V_\mathrm{p}$"]
+    for curve, search, expected in [
+        (FALLING, NOTHING, ["95 % interval"]),
+        (MOVED, NOTHING, ["95 % interval", "undetermined: too many censored"]),
+        (BUMPY, EXTREMA[0], ["95 % interval", "some trials censored", *of_places]),
+        (curve_of([3, 2], undetermined=[0, 1]), NOTHING, ["undetermined: too many censored"]),
+    ]:
+        assert legend_texts(form_of([curve], SPEED, [search]).draw_figure()) == expected
 
 
 def test_a_long_legend_is_within_the_figure_and_not_on_top_of_the_panels() -> None:
@@ -155,13 +150,6 @@ def test_a_long_legend_is_within_the_figure_and_not_on_top_of_the_panels() -> No
     assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
     assert box.y0 >= 0
     assert panel.bbox.height == pytest.approx(0.72 * panel.bbox.width, rel=0.02)
-
-
-def test_the_base_case_is_dashed_and_named() -> None:
-    base = sweep(None, figure={"base_case": {COUPLING: 0.2}})
-    axes = axes_of([each._replace(scenario=base) for each in CURVES])
-    assert [line.get_linestyle() for line in lines_of(axes)][:3] == ["-", "--", "-"]
-    assert "base case" in legend_texts(axes.figure)
 
 
 def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> None:
@@ -187,16 +175,13 @@ def test_the_bands_span_the_intervals_in_the_colour_of_their_lines_and_one_witho
     assert [*map(tuple, bar)] == [(curve.x[0], end) for end in curve.intervals[0]]
 
 
-def test_markers_are_hollow_exactly_where_trials_are_censored() -> None:
+def test_censored_points_are_hollow_and_undetermined_ones_crosses_above_all_in_a_row_for_each_curve() -> None:
     axes = axes_of([BUMPY])
     is_censored = BUMPY.censored > 0
     hollow = marked(axes, "o", "#ffffff")
     solid = [line for line in marked(axes, "o") if line not in hollow]
     for lines, chosen in ((hollow, is_censored), (solid, ~is_censored)):
         assert drawn(lines) == [*zip(BUMPY.x[chosen], BUMPY.values[chosen], strict=True)]
-
-
-def test_undetermined_means_are_crosses_above_all_points_a_row_for_each_curve() -> None:
     hidden = [curve_of([50.0, 40.0], axes={COUPLING: n}, undetermined=[0]) for n in (0.1, 0.2)]
     axes = axes_of([*hidden, FALLING])
     crosses = [line for line in marked(axes, "x") if line.get_xdata().size]
@@ -265,29 +250,20 @@ def test_many_decades_are_labelled_by_powers_of_ten_alone_that_do_not_overlap_an
         assert sum(low <= float(label) <= high for label in seen(axis.get_ticklabels())) >= 2
 
 
-@pytest.mark.parametrize(
-    ("rows", "axis", "labels"),
-    [
+def test_labels_of_curves_say_what_tells_them_apart() -> None:
+    sides, files = (40, 60.5), ("/me/kura.py", "/me/mine.py", "/you/mine.py")
+    for axes, axis, labels in [
         ([{COUPLING: 0.1}], SPEED, []),
         (
-            [{WIDTH: n, made_folders.HEIGHT: n, COUNT: 10, SPEED: 1} for n in (40, 60.5)],
+            [{WIDTH: n, made_folders.HEIGHT: n, COUNT: 10, SPEED: 1} for n in sides],
             PERIOD,
             ["L = 40 cm", "L = 60.5 cm"],
         ),
-        (
-            [{"robots.0.controller": file} for file in ("/me/kura.py", "/me/mine.py", "/you/mine.py")],
-            SPEED,
-            ["controller = kura", "controller = /me/mine.py", "controller = /you/mine.py"],
-        ),
-        (
-            [{"robots.1.parameters.speed_cm_s": n} for n in (1, 2)],
-            SPEED,
-            ["V of robots.1 = 1 cm/s", "V of robots.1 = 2 cm/s"],
-        ),
-    ],
-)
-def test_labels_of_curves_say_what_tells_them_apart(rows, axis, labels) -> None:
-    assert [*named(axes_of([curve_of([3, 2], axes=row) for row in rows], axis))] == labels
+        ([{"robots.0.controller": file} for file in files], SPEED, ["kura", "/me/mine.py", "/you/mine.py"]),
+        ([{"robots.1.parameters.speed_cm_s": n} for n in (1, 2)], SPEED, [f"V of robots.1 = {n} cm/s" for n in (1, 2)]),
+    ]:
+        expected = [label if " = " in label else f"controller = {label}" for label in labels]
+        assert [*named(axes_of([curve_of([3, 2], axes=row) for row in axes], axis))] == expected
 
 
 def test_keys_have_the_thesis_s_symbols() -> None:
@@ -340,7 +316,7 @@ LONG = PointSeries({SPEED: 1}, series_statistics([np.array([1.0, 2, 3, 5]) + k /
 SHORT = PointSeries({SPEED: 2}, series_statistics([np.arange(3.0)] * 3 + [np.arange(2.0)] * 3))
 
 
-def test_a_line_is_the_mean_and_dashed_once_a_trial_has_ended_and_too_many_are_refused():
+def test_a_series_is_the_mean_and_dashed_once_a_trial_has_ended_a_row_a_cycle_and_too_many_are_refused():
     figure = Series(of="mine", points=[LONG, SHORT]).draw_figure()
     (panel,) = figure.axes
     full, short, ended_before, _ = panel.get_lines()
@@ -353,9 +329,6 @@ def test_a_line_is_the_mean_and_dashed_once_a_trial_has_ended_and_too_many_are_r
     assert Series(of="mine", points=[LONG, SHORT]).shows.endswith("; 6 trials a point")
     with pytest.raises(EpuckSimError, match=f"{MAX_LINES + 1} lines, one for each point; allowed: up to {MAX_LINES}"):
         Series(of="mine", points=[LONG] * (MAX_LINES + 1)).draw_figure()
-
-
-def test_the_table_has_a_row_for_each_cycle():
     rows = written(Series(of="mine", points=[LONG, SHORT]).tables[".csv"])
     assert len(rows) == 7
     names = "cycle trials known mean low high median median_low median_high"
@@ -395,9 +368,8 @@ def test_a_measure_has_its_name_and_the_scale_that_fits_it(points, scale):
 
 @pytest.mark.parametrize("law", [lambda _, random: random.normal(), lambda point, _: 10.0 ** point.axes[COUNT]])
 def test_points_without_a_value_are_crosses_above_all_others_and_hatched_in_maps(law):
-    gaps = [
-        point._replace(measured=(None,) * 5) if point.axes == {SPEED: 2, COUNT: 4} else point for point in measured(law)
-    ]
+    none = {"measured": (None,) * 5}
+    gaps = [point._replace(**none if point.axes == {SPEED: 2, COUNT: 4} else {}) for point in measured(law)]
     curves = read_curves(gaps, SPEED)
     figure = Curves(axis=SPEED, curves=curves, of=curves[0].of).draw_figure()
     assert "undetermined: no trial has a value" in legend_texts(figure)
@@ -438,9 +410,8 @@ def test_lines_and_limits_are_those_of_predict(form) -> None:
     for k, predicted in zip((1, 5), form.predicted, strict=True):
         drawn = [line for line in panel.lines if np.array_equal(line.get_ydata(), predicted.times, equal_nan=True)]
         assert [line.get_linestyle() for line in drawn] == ["--"]
-        assert predicted.times[[0, -1]] == pytest.approx(
-            [of_nearest(k, v).t_sync.value for v in (0.1, 30)], nan_ok=True
-        )
+        ends = [of_nearest(k, speed).t_sync.value for speed in (0.1, 30)]
+        assert predicted.times[[0, -1]] == pytest.approx(ends, nan_ok=True)
         limits = [of_nearest(k, 30).t_sync_frozen.value, of_nearest(k, 30).t_sync_fast.value]
         at_edges = [line.get_ydata()[0] for line in panel.lines if list(line.get_xdata())[-1:] in ([EDGE], [1])]
         assert np.isin(limits, at_edges).tolist() == [k == 5, True]  # none of K = 1 that stands can

@@ -254,13 +254,16 @@ def test_any_trial_can_be_drawn_undistorted(tmp_path, scenario: Any) -> None:
     assert box.width / (right - left) == pytest.approx(box.height / (top - bottom), rel=0.01)
 
 
-def test_a_name_is_no_formula(trials, tmp_path) -> None:
+def test_a_name_is_no_formula_and_a_summary_has_nothing_to_draw(trials, tmp_path) -> None:
     name = "a $\\frac{$ & <b> {0} 50 % [/red] 群れ"
     trial = trials["mixed"]._replace(scenario=trials["mixed"].scenario.model_copy(update={"name": name}))
     (title,) = draw_page(trial).texts
     assert title.get_text().startswith(f"{name}, seed 0: ")
     assert not (title.get_parse_math() and is_math_text(title.get_text()))
     ElementTree.parse(*saved_page(trial, tmp_path / "page"))
+    trial = recorded(tmp_path / "t.rrd", "pair", level=Level.SUMMARY)
+    with pytest.raises(RecordingError, match=r"mine\.rrd: holds no poses.*--record-level poses or full"):
+        check_drawable(trial, "mine.rrd")
 
 
 def test_of_many_marks_the_svg_holds_a_picture(trials, pages, saved, tmp_path, monkeypatch) -> None:
@@ -274,12 +277,6 @@ def test_of_many_marks_the_svg_holds_a_picture(trials, pages, saved, tmp_path, m
     pictures = [[*ElementTree.parse(svg).iter(f"{SVG}image")] for svg in (written, saved.with_name("page.svg"))]
     assert len(pictures[0]) >= 3
     assert pictures[1] == []
-
-
-def test_a_summary_has_nothing_to_draw(tmp_path) -> None:
-    trial = recorded(tmp_path / "t.rrd", "pair", level=Level.SUMMARY)
-    with pytest.raises(RecordingError, match=r"mine\.rrd: holds no poses.*--record-level poses or full"):
-        check_drawable(trial, "mine.rrd")
 
 
 def test_plot_of_a_recording_writes_beside_it_and_names_the_files(file, saved, tmp_path) -> None:

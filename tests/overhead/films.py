@@ -79,16 +79,12 @@ TRACK = Track(
     t_sync_s=2.5,
     t_sync_periods=2.5,
     confidence="high",
-    reasons=(),
     warnings=("odd",),
     times_s=np.arange(240) / 29.97,
     counts=np.zeros(240, np.int64),
-    evaluations=(),
-    flashes=(),
-    steady=(),
-    rings=(),
     geometry=make_geometry(),
     options=TrackOptions(),
+    **dict.fromkeys(("reasons", "evaluations", "flashes", "steady", "rings"), ()),
 )
 """The result of tracking some film, for tests of how results are shown."""
 

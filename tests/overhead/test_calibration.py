@@ -127,16 +127,13 @@ def test_rings_of_a_dark_film_give_its_scale_and_height_and_arena_are_those_that
     assert found.camera.position_cm.tolist() == [40, 20, 95]
 
 
-@pytest.mark.parametrize("dark", [0, 150])
-def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
+def test_ring_is_found_however_late_it_is_lit_and_a_film_without_light_is_refused() -> None:
     flash = film(0.55)[-1:]
     assert flash[0].picture[..., 0].max() > 200
-    reel = iter(plain(0, dark) + flash + plain(0, calibration.STUDIED_FRAMES + 50))
-    assert calibrated(reel).calibration == RINGS
-    assert len(list(reel)) >= (50 - 2 if dark else 0)  # in the first frame, it might be a lamp
-
-
-def test_film_without_light_is_refused() -> None:
+    for dark, left in ((0, 0), (150, 50 - 2)):  # in the first frame, it might be a lamp
+        reel = iter(plain(0, dark) + flash + plain(0, calibration.STUDIED_FRAMES + 50))
+        assert calibrated(reel).calibration == RINGS
+        assert len(list(reel)) >= left
     for frames in ([], plain(120, LIT_FRAMES + 5), plain(120, LIT_FRAMES + 5) + plain(3, 5)):
         with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .*--corners"):
             calibrated(frames)
@@ -172,13 +169,17 @@ def test_pixels_show_the_points_that_are_seen_there(degrees, k1):
         np.testing.assert_allclose(camera.project(points), pixels, atol=1e-3)
 
 
-@pytest.mark.parametrize("tilt_deg", [1e-4, 1e-3, 1.0])
-def test_a_camera_that_hangs_almost_straight_shows_its_tilt(tilt_deg):
-    straight, tilted = (camera_of(distortion=0.0, tilt_deg=each) for each in (0.0, tilt_deg))
+def test_a_tilted_camera_is_aimed_at_the_middle_from_the_same_height_and_shows_even_a_small_tilt():
+    camera = camera_of(tilt_deg=25.0, turn_deg=-40.0)
+    assert camera.position_cm[2] == pytest.approx(110)
+    assert camera.project(np.array([(30.0, 30.0, 0.0)])) == pytest.approx(np.array([(239.5, 239.5)]))
+    assert math.degrees(math.acos(-camera.rotation[2, 2])) == pytest.approx(25)
     above_middle = np.array([(30.0, 30.0, epuck.RING_HEIGHT_CM)])
-    moved_px = (tilted.project(above_middle) - straight.project(above_middle))[0, 1]
-    share = epuck.RING_HEIGHT_CM / (straight.position_cm[2] - epuck.RING_HEIGHT_CM)
-    assert moved_px == pytest.approx(straight.lens.focal_px * share * math.radians(tilt_deg), rel=0.01)
+    for tilt_deg in (1e-4, 1e-3, 1.0):
+        straight, tilted = (camera_of(distortion=0.0, tilt_deg=each) for each in (0.0, tilt_deg))
+        moved_px = (tilted.project(above_middle) - straight.project(above_middle))[0, 1]
+        share = epuck.RING_HEIGHT_CM / (straight.position_cm[2] - epuck.RING_HEIGHT_CM)
+        assert moved_px == pytest.approx(straight.lens.focal_px * share * math.radians(tilt_deg), rel=0.01)
 
 
 @pytest.mark.parametrize("settings", [
@@ -338,11 +339,21 @@ def test_a_board_tells_the_lens(kind, k1, k2, is_fisheye, tmp_path) -> None:
         read_lens(tmp_path / "lens.json", SIZE)
 
 
-def test_a_board_that_is_not_there_is_missed_in_clear_words() -> None:
+def test_a_board_that_is_not_there_is_missed_corners_that_come_and_go_are_no_movement_and_pictures_all_searched() -> (
+    None
+):
     nothing = [Frame(float(second), np.full((120, 160, 3), 120, np.uint8)) for second in range(10)]
     views = find_views(nothing, Board("checkerboard", 9, 6))
     with pytest.raises(FilmError, match=r"^dull\.mp4: the board is found in 0 different positions; .*--board"):
         calibrate_lens("dull.mp4", views, (160, 120), False)
+    (view,) = views_of_a_board([20.0], False)
+    flickers = [dict([*view.items()][number:]) for number in (0, 1, 0, 1)]
+    views = views_of_a_board(np.linspace(-30, 30, 10), False)
+    monkeypatch.setattr(lens, "_charuco_corners", lambda *_: flickers.pop())
+    monkeypatch.setattr(lens, "_checkerboard_corners", lambda *_: views.pop())
+    frames = [Frame(number / 25, np.zeros((4, 4, 3), np.uint8)) for number in range(10)]
+    assert len(find_views(frames[:4], Board("charuco", 9, 6), apart_s=0.0)) == 1
+    assert len(find_views(frames, Board("checkerboard", 9, 6), apart_s=0.0)) == 10
 
 
 def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]:
@@ -366,17 +377,6 @@ def test_a_board_that_is_never_or_always_tilted_alike_does_not_determine_a_lens(
     assert calibrate_lens("film", views, SIZE, is_fisheye).focal_px == pytest.approx(450, rel=0.02)
     with pytest.raises(FilmError, match=r"^film: the views of the board do not determine a lens; show it tilted"):
         calibrate_lens("film", views_of_a_board([tilt_deg] * 12, is_fisheye), SIZE, is_fisheye)
-
-
-def test_corners_that_come_and_go_are_no_movement_and_pictures_are_all_searched(monkeypatch) -> None:
-    (view,) = views_of_a_board([20.0], False)
-    flickers = [dict([*view.items()][number:]) for number in (0, 1, 0, 1)]
-    views = views_of_a_board(np.linspace(-30, 30, 10), False)
-    monkeypatch.setattr(lens, "_charuco_corners", lambda *_: flickers.pop())
-    monkeypatch.setattr(lens, "_checkerboard_corners", lambda *_: views.pop())
-    frames = [Frame(number / 25, np.zeros((4, 4, 3), np.uint8)) for number in range(10)]
-    assert len(find_views(frames[:4], Board("charuco", 9, 6), apart_s=0.0)) == 1
-    assert len(find_views(frames, Board("checkerboard", 9, 6), apart_s=0.0)) == 10
 
 
 def test_files_that_are_no_lens_of_this_camera_are_refused(tmp_path) -> None:

@@ -84,7 +84,7 @@ def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> N
     assert verdict.p_value > compare.UNLIKE
 
 
-def test_a_trial_is_tracked_as_if_it_were_filmed() -> None:
+def test_a_trial_is_tracked_as_if_it_were_filmed_and_told_the_number_of_robots_if_the_film_is() -> None:
     track, robots = track_trial(SCENARIO, 5, FILM)
     assert len(track.times_s) == pytest.approx(24 * 15, abs=1)
     assert track.robots_seen <= 4
@@ -94,6 +94,11 @@ def test_a_trial_is_tracked_as_if_it_were_filmed() -> None:
     assert robots.identities.speed_cm_s == pytest.approx(1.5, rel=0.03)
     assert track_trial(SCENARIO, 5, FILM)[0].flashes == track.flashes
     assert track_trial(SCENARIO, 6, FILM)[0].flashes != track.flashes
+    for told, expected in ((None, None), (9, 4)):
+        film = FILM._replace(options=FILM.options._replace(robots=told, corners_px=((0.0, 0.0),) * 4))
+        track, _ = track_trial(SCENARIO, 5, film)
+        assert track.options == film.options._replace(robots=expected)
+        assert track.confidence != "none"
 
 
 def test_a_film_of_the_scenario_itself_is_like_its_trials() -> None:
@@ -118,14 +123,6 @@ def test_robots_of_several_groups_are_not_fitted_and_none_is_faster_than_its_whe
     assert compare.fitted_values(both, film, robots).keys() == {"overhead.frames_per_s"}
     fast = {"robots.0.parameters.speed_cm_s": Estimate(12.9, 12.5, 13.3)}
     assert compare.fit_scenario(SCENARIO, fast).robots[0].parameters["speed_cm_s"] == 12.8
-
-
-@pytest.mark.parametrize(("told", "expected"), [(None, None), (9, 4)])
-def test_the_number_of_robots_is_told_of_trials_if_it_is_of_the_film(told: int | None, expected: int | None) -> None:
-    film = FILM._replace(options=FILM.options._replace(robots=told, corners_px=((0.0, 0.0),) * 4))
-    track, _ = track_trial(SCENARIO, 5, film)
-    assert track.options == film.options._replace(robots=expected)
-    assert track.confidence != "none"
 
 
 def test_robots_of_trials_are_told_apart_by_tags_where_those_of_the_film_are() -> None:

@@ -8,17 +8,12 @@ import pytest
 from scipy import ndimage
 
 from epuck_sim import epuck
+from epuck_sim.overhead import rings as ring_finding
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.light import Background, LightMeter, is_lit, ring_light
-from epuck_sim.overhead.rings import (
-    DISC_LIGHT,
-    MAX_CELLS_PER_PIXEL,
-    MAX_REACH_HEIGHTS,
-    RingFinder,
-    fit_ring,
-    rectified_view,
-)
-from tests.overhead.cameras import APART_CM, CLEAN, camera_of, honeycomb_cell, picture_of, rings_in, scattered, touching
+from epuck_sim.overhead.rings import DISC_LIGHT, RingFinder, fit_ring, rectified_view
+from tests.overhead import cameras
+from tests.overhead.cameras import APART_CM, CLEAN, camera_of, honeycomb_cell, picture_of, rings_in, scattered
 from tests.overhead.films import Score, compare, make_geometry
 
 SMALL = {"width_px": 240, "height_px": 240}
@@ -70,16 +65,8 @@ def test_survives_another_exposure_and_sees_askew(look):
     found([*honeycomb_cell(), (30.0, 30.0), (50.0, 12.0)], **look)
 
 
-@pytest.mark.parametrize(("settings", "quality"), [(SMALL, 0), (NOISY, 70)])
-def test_chains_and_honeycombs(settings, quality):
-    around = honeycomb_cell(0.3)  # the robot in the middle is dark, or lit
-    chain = [(4 + APART_CM * i, 20.0) for i in range(8)]
-    for centres in (chain, around, [*around, (30.0, 30.0)], honeycomb_cell(0.0)[:5]):
-        found(centres, quality=quality, **settings)
-
-
 @pytest.mark.parametrize("pictures", [6, pytest.param(200, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("place", [scattered, touching])
+@pytest.mark.parametrize("place", [scattered, cameras.touching])
 def test_counts_random_swarms(place, pictures):
     total = Score()
     for seed in range(pictures):
@@ -92,11 +79,15 @@ def test_counts_random_swarms(place, pictures):
     assert total.precision >= 0.99
 
 
-@pytest.mark.parametrize("size", [(240, 240), (640, 360)])
-def test_finds_rings_in_a_lit_room(size):
-    settings = {"width_px": size[0], "height_px": size[1]}
-    for centres in (scattered(6, np.random.default_rng(0)), honeycomb_cell(), [*honeycomb_cell(), (30.0, 30.0)]):
-        found(centres, room=True, **settings)
+@pytest.mark.parametrize("look", [
+    SMALL, {"quality": 70, **NOISY}, {"room": True, **SMALL}, {"room": True, "width_px": 640, "height_px": 360},
+], ids=str)  # fmt: skip
+def test_finds_chains_honeycombs_and_scattered_rings_in_the_dark_and_in_a_lit_room(look):
+    around = honeycomb_cell(0.3)  # the robot in the middle is dark, or lit
+    chain = [(4 + APART_CM * i, 20.0) for i in range(8)]
+    some = scattered(6, np.random.default_rng(0))
+    for centres in (chain, around, [*around, (30.0, 30.0)], honeycomb_cell(0.0)[:5], some):
+        found(centres, **look)
 
 
 @pytest.mark.parametrize("noise", [0.0, 10.0])
@@ -140,7 +131,7 @@ def test_whether_the_room_is_lit():
     wide = {"width_px": 320, "height_px": 180}  # most of it is a dark table
     assert is_lit(picture_of([], room=True, **wide))
     assert is_lit(picture_of([], room=True, tilt_deg=20.0, turn_deg=40.0))
-    assert not is_lit(picture_of(touching(30, np.random.default_rng(0)), **wide))
+    assert not is_lit(picture_of(cameras.touching(30, np.random.default_rng(0)), **wide))
     assert not is_lit(np.full((64, 64, 3), 39, np.uint8))
     assert is_lit(np.full((64, 64, 3), 40, np.uint8))
 
@@ -204,8 +195,8 @@ def test_the_view_of_a_camera_that_sees_the_horizon_is_bounded_and_dark_beyond_t
     camera = camera_of(tilt_deg=60.0, width_px=320, height_px=240, field_of_view_deg=61.0, distortion=-0.2)
     view = rectified_view(camera)
     rows, columns = view.fine[1].shape
-    assert max(rows, columns) <= (2 * MAX_REACH_HEIGHTS * camera.position_cm[2] + 1) * view.cells_per_cm
-    assert rows * columns <= 1.1 * MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px
+    assert max(rows, columns) <= (2 * ring_finding.MAX_REACH_HEIGHTS * camera.position_cm[2] + 1) * view.cells_per_cm
+    assert rows * columns <= 1.1 * ring_finding.MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px
     shown = view.sample(np.full((240, 320), 255, np.uint8)).ravel()
     cells = np.column_stack([np.tile(np.arange(columns), rows), np.repeat(np.arange(rows), columns)])
     points = np.column_stack([view.origin_cm + cells / view.cells_per_cm, np.full(len(cells), epuck.RING_HEIGHT_CM)])

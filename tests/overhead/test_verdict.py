@@ -404,7 +404,7 @@ def linked(*places_cm: list[float], per_s: float = 1.0) -> tuple[Flash, ...]:
     return linker.flashes
 
 
-def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one_and_until_the_film_ends() -> None:
+def test_rings_are_linked_to_flashes_across_frames_that_miss_one_until_the_film_ends_and_broken_ones_joined() -> None:
     one, other = linked([10.0], [10.5, 30.0], [30.4], [11.0, 30.8], [], [], [], [])
     assert (one.onset_s, one.end_s, other.onset_s, other.end_s) == (0, 4, 1, 4)
     assert (one.x_cm, other.x_cm) == (pytest.approx(10.5), pytest.approx(30.4))
@@ -414,11 +414,6 @@ def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one_and_until_th
     assert count_lit((last,), np.arange(4.0)).tolist() == [0, 1, 1, 1]
     slow = linked([10.0], [14.2], [18.4], [24.5], per_s=3.0)  # a robot is as fast in it, and touches none
     assert [(each.onset_s, each.end_s) for each in slow] == [(0, 1), (1, 1)]
-
-
-def test_a_flash_that_breaks_off_is_one() -> None:
-    one, rest, other = (
-        Flash(*times, x_cm, 20.0, 9.0) for times, x_cm in (((0, 1), 10), ((1.5, 2), 11), ((1.6, 2), 30))
-    )
+    one, rest, other = (Flash(*each, 20.0, 9.0) for each in ((0, 1, 10), (1.5, 2, 11), (1.6, 2, 30)))
     late = rest._replace(onset_s=3.5, end_s=4.0)
     assert flashes.join_broken([one, rest, other, late], 1.0) == (one._replace(end_s=2), other, late)
