@@ -83,7 +83,7 @@ def test_patches_lie_in_their_order_below_everything_and_end_at_the_walls() -> N
     assert draw_arena(make_arena(60, 40, [], []), *NOBODY).find("svg") is None
 
 
-def test_a_picture_of_the_floor_is_in_the_page_and_lamps_are_dots_that_say_how_high_and_how_strong_they_are() -> None:
+def test_a_picture_of_the_floor_and_lamps_that_say_how_high_and_how_strong_they_are_are_shown() -> None:
     levels = np.array([[0, 100, 200], [50, 150, 250]], np.uint8)
     arena = make_arena(60, 40, [], [], floor=make_floor(1, [(0.5, (30, 20, 5))], levels))
     picture, patch = draw_arena(arena, *NOBODY)[0]

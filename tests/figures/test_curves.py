@@ -234,9 +234,7 @@ def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade() -> None
         assert axes_of([curve_of([30, 20, 10], x=x)], axis=axis).get_xscale() == scale
 
 
-def test_many_decades_are_labelled_by_powers_of_ten_alone_that_do_not_overlap_and_a_narrow_range_has_labels_too() -> (
-    None
-):
+def test_many_decades_are_labelled_by_powers_of_ten_that_do_not_overlap_and_a_narrow_range_too() -> None:
     axes = axes_of([curve_of([10.0**n for n in range(1, 8)], x=[10.0**n for n in range(-2, 5)])])
     assert {"$10^{1}$", "$10^{5}$"} <= set(seen(axes.get_yticklabels()))
     for ticks in (axes.get_xticklabels(), axes.get_yticklabels()):

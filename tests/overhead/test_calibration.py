@@ -339,9 +339,7 @@ def test_a_board_tells_the_lens(kind, k1, k2, is_fisheye, tmp_path) -> None:
         read_lens(tmp_path / "lens.json", SIZE)
 
 
-def test_a_board_that_is_not_there_is_missed_corners_that_come_and_go_are_no_movement_and_pictures_all_searched() -> (
-    None
-):
+def test_boards_are_missed_where_there_is_none_and_found_anew_only_where_they_have_moved(monkeypatch) -> None:
     nothing = [Frame(float(second), np.full((120, 160, 3), 120, np.uint8)) for second in range(10)]
     views = find_views(nothing, Board("checkerboard", 9, 6))
     with pytest.raises(FilmError, match=r"^dull\.mp4: the board is found in 0 different positions; .*--board"):

@@ -420,9 +420,7 @@ def test_points_shine_at_the_leds_and_not_between() -> None:
     assert max(levels[1::2]) < 60
 
 
-def test_bodies_are_dark_and_lit_rings_red_and_the_same_robots_make_the_same_picture_without_the_cameras_faults() -> (
-    None
-):
+def test_bodies_are_dark_lit_rings_red_and_pictures_alike_without_the_cameras_faults() -> None:
     poses = np.array([[15.0, 45.0, 0.0], [45.0, 15.0, 1.0]])
     view = ArenaView("thesis", 200, 200)
     empty = view.draw(np.empty((0, 3)), np.empty(0, bool)).astype(int)

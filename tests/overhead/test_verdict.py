@@ -404,7 +404,7 @@ def linked(*places_cm: list[float], per_s: float = 1.0) -> tuple[Flash, ...]:
     return linker.flashes
 
 
-def test_rings_are_linked_to_flashes_across_frames_that_miss_one_until_the_film_ends_and_broken_ones_joined() -> None:
+def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one_and_until_the_film_ends() -> None:
     one, other = linked([10.0], [10.5, 30.0], [30.4], [11.0, 30.8], [], [], [], [])
     assert (one.onset_s, one.end_s, other.onset_s, other.end_s) == (0, 4, 1, 4)
     assert (one.x_cm, other.x_cm) == (pytest.approx(10.5), pytest.approx(30.4))
