@@ -172,7 +172,7 @@ def test_on_a_terminal_every_cell_is_whole_and_no_line_longer_than_it_need_be(ta
     assert max(map(len, text.splitlines())) <= max(width, 3 * least)
 
 
-def test_what_fits_stands_in_one_part_with_numbers_below_each_other() -> None:
+def test_what_fits_stands_in_one_part_with_numbers_below_each_other_and_columns_that_others_tell_above() -> None:
     rows = [Row({"robots.0.count": n}, {"point": n, "mean": Estimate(40 + n, 30, 60 + n), "p": 0.04}) for n in (3, 10)]
     assert Table("T_sync", rows, ["A note."]).to_text(80).splitlines() == [
         "T_sync",
@@ -183,13 +183,8 @@ def test_what_fits_stands_in_one_part_with_numbers_below_each_other() -> None:
         "   10     10  50 [30, 70]",
         "A note.",
     ]
-
-
-def test_columns_that_others_tell_are_named_above() -> None:
-    rows = [
-        Row({"arena.width_cm": n, "arena.height_cm": 2 * n, "robots.0.count": 5}, {"trials": 20, "mean": Estimate(n)})
-        for n in (40, 60)
-    ]
+    axes = [{"arena.width_cm": n, "arena.height_cm": 2 * n, "robots.0.count": 5} for n in (40, 60)]
+    rows = [Row(each, {"trials": 20, "mean": Estimate(each["arena.width_cm"])}) for each in axes]
     text = Table("T_sync", rows).to_text(80)
     assert text.splitlines()[1] == "height_cm 80, 120 with width_cm; count = 5; trials 20"
     assert text.splitlines()[2].split() == ["width_cm", "mean"]

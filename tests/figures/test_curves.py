@@ -64,9 +64,8 @@ def form_of(curves, axis=SPEED, searches=None, split_by=None) -> Curves:
 
 
 BUMPY = curve_of([made_folders.bumpy_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.1}, censored=[0, 8, 9])
-MOVED = curve_of(
-    [made_folders.bumpy_mean(speed, 2, 150) for speed in MANY_SPEEDS], axes={COUPLING: 0.2}, undetermined=[0, 1], seed=1
-)
+FASTER = [made_folders.bumpy_mean(speed, 2, 150) for speed in MANY_SPEEDS]
+MOVED = curve_of(FASTER, axes={COUPLING: 0.2}, undetermined=[0, 1], seed=1)
 FALLING = curve_of([made_folders.falling_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.4}, seed=2)
 CURVES = [BUMPY, MOVED, FALLING]
 FORM = form_of(CURVES)
@@ -162,7 +161,7 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> No
     assert legend_texts(figure) == ["ε = 0.1", "ε = 0.2", "95 % interval"]
 
 
-def test_the_bands_span_the_intervals_in_the_colour_of_their_lines_and_one_without_a_neighbour_is_a_bar(panel) -> None:
+def test_bands_span_intervals_beyond_the_figure_if_need_be_and_one_without_a_neighbour_is_a_bar(panel) -> None:
     for band, line, curve in zip(panel.collections[:-1], lines_of(panel), CURVES, strict=True):
         known = np.isfinite(curve.values)
         x, (low, high) = curve.x[known], curve.intervals[known].T
@@ -173,6 +172,12 @@ def test_the_bands_span_the_intervals_in_the_colour_of_their_lines_and_one_witho
     (bars,) = [each for each in axes_of([curve]).collections if isinstance(each, LineCollection)]
     (bar,) = bars.get_segments()
     assert [*map(tuple, bar)] == [(curve.x[0], end) for end in curve.intervals[0]]
+    open_ended = BUMPY._replace(intervals=np.column_stack([BUMPY.intervals[:, 0], np.full(len(BUMPY.x), math.inf)]))
+    axes = axes_of([open_ended])
+    bottom, top = axes.get_ylim()
+    assert max(y for _, y in axes.collections[0].get_paths()[0].vertices) > top
+    assert np.nanmax(BUMPY.values) < top < 10 * np.nanmax(BUMPY.values)
+    assert bottom > 0
 
 
 def test_censored_points_are_hollow_and_undetermined_ones_crosses_above_all_in_a_row_for_each_curve() -> None:
@@ -202,16 +207,7 @@ def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowher
     assert marked(form_of([BUMPY], SPEED, [ExtremaSearch({}, 0.2, "")]).draw_figure().axes[0], "v") == []
 
 
-def test_a_band_without_upper_end_goes_beyond_the_figure_and_does_not_stretch_it() -> None:
-    open_ended = BUMPY._replace(intervals=np.column_stack([BUMPY.intervals[:, 0], np.full(len(BUMPY.x), math.inf)]))
-    axes = axes_of([open_ended])
-    bottom, top = axes.get_ylim()
-    assert max(y for _, y in axes.collections[0].get_paths()[0].vertices) > top
-    assert np.nanmax(BUMPY.values) < top < 10 * np.nanmax(BUMPY.values)
-    assert bottom > 0
-
-
-def test_axes_have_the_thesis_s_symbols_and_plain_numbers_and_there_is_no_title(panel) -> None:
+def test_axes_have_the_thesis_s_symbols_and_plain_numbers_and_x_is_logarithmic_where_it_spans_a_decade(panel) -> None:
     words = panel.figure.get_suptitle(), panel.get_xlabel(), panel.get_ylabel()
     assert words == ("", "V (cm/s)", r"$T_\mathrm{sync}$ (cycles)")
     assert (panel.get_xscale(), panel.get_yscale()) == ("log", "log")
@@ -221,9 +217,6 @@ def test_axes_have_the_thesis_s_symbols_and_plain_numbers_and_there_is_no_title(
         assert [float(label) for label in labels] == pytest.approx(axis.get_majorticklocs()[: len(labels)])
         assert set("".join(labels)) <= set("0123456789.")
         assert seen(axis.get_ticklabels(minor=True)) == []
-
-
-def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade() -> None:
     for axis, x, scale in [
         (SPEED, [1, 2, 3], "log"),
         (SPEED, [0, 1, 20], "linear"),
@@ -301,9 +294,6 @@ def test_tables_have_the_numbers_of_the_curves_and_their_extrema_or_say_why_ther
     ):
         (row,) = written(form_of([curve], axis).tables["-regimes.csv"])
         assert [*row.values()] == [*[""] * 13, reason]
-
-
-def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep() -> None:
     axes = {"noise": 'a "quoted", name', "arena.obstacles": [], "stop.max_time_s": None, COUNT: 10}
     for table in form_of([curve_of([3, 2], axes=axes)]).tables.values():
         row = written(table)[0]

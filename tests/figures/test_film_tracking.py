@@ -73,7 +73,7 @@ def panels(figure: Figure) -> list:
     return [axes for axes in figure.axes if axes.axison]
 
 
-def test_snapshots_and_panels_show_counts_spreads_synchrony_and_the_threshold():
+def test_snapshots_and_panels_show_counts_spreads_synchrony_the_threshold_and_rings_circled_in_green():
     figure = draw_track(LONG)
     *snapshots, counts, detector = panels(figure)
     for axes, (now_s, evaluation) in zip(snapshots, chain.from_iterable(choose_moments(LONG)), strict=True):
@@ -91,6 +91,11 @@ def test_snapshots_and_panels_show_counts_spreads_synchrony_and_the_threshold():
     assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in detector.get_lines())
     told = [text.get_text() for text in figure.legends[0].get_texts()]
     assert told == ["threshold: 126 ms", f"by the histogram: {cycles:.1f} periods"]
+    first = panels(draw_track(LONG, PICTURE))[0]
+    circles = [each for each in first.patches if isinstance(each, Circle)]
+    assert [(*circle.center, circle.radius) for circle in circles] == [tuple(ring) for ring in PICTURE.rings_px]
+    assert all(to_hex(circle.get_edgecolor()) == FOUND for circle in circles)
+    assert first.get_title() == "1.4 periods: 2 rings"
 
 
 def test_a_gap_in_the_film_is_empty_in_the_figure_and_its_spread_is_an_empty_dot():
@@ -103,14 +108,6 @@ def test_a_gap_in_the_film_is_empty_in_the_figure_and_its_spread_is_an_empty_dot
     empty = np.diff(edges)[heights == 0]
     assert empty.max() * PERIOD == pytest.approx(3, abs=0.3)
     assert "frames are missing" in [line.get_label() for line in detector.get_lines()]
-
-
-def test_a_picture_has_its_rings_circled_in_green():
-    first = panels(draw_track(LONG, PICTURE))[0]
-    circles = [each for each in first.patches if isinstance(each, Circle)]
-    assert [(*circle.center, circle.radius) for circle in circles] == [tuple(ring) for ring in PICTURE.rings_px]
-    assert all(to_hex(circle.get_edgecolor()) == FOUND for circle in circles)
-    assert first.get_title() == "1.4 periods: 2 rings"
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def is_covered(panel: Axes, x: float, y: float) -> bool:
     return any(path.contains_point([x, y], radius=1e-6) for path in drawn.get_paths() if len(path.vertices))
 
 
-def test_every_point_is_in_its_place_in_the_map_of_its_other_axes_whatever_the_order_of_the_sweep() -> None:
+def test_every_point_is_in_its_place_in_the_map_of_its_other_axes_and_has_a_row_if_it_has_trials() -> None:
     shuffled = {SPEED: [2.0, 0.2, 5.0, 1.0, 0.5], WIDTH: [80, 40, 100, 60], PIXELS: PANELS}
     for maps in (MAPS, read_maps(measured(shuffled), SPEED, WIDTH)):
         assert [each.axes for each in maps] == [{PIXELS: n} for n in PANELS]
@@ -86,13 +86,20 @@ def test_every_point_is_in_its_place_in_the_map_of_its_other_axes_whatever_the_o
                 assert each.is_tried[row, column] == (where not in UNTRIED)
                 expected = math.nan if where in UNTRIED | UNDETERMINED else mean_at(*where)
                 np.testing.assert_equal(each.values[row, column], expected)
+    table = written(Maps(x=SPEED, y=WIDTH, maps=MAPS).tables[".csv"])
+    assert list(table[0]) == [PIXELS, WIDTH, SPEED, "trials", "censored", "statistic", "estimate", "low", "high"]
+    expected = []
+    for pixels, width, speed in product(PANELS, WIDTHS, SPEEDS):
+        where = (speed, width, pixels)
+        found = (12, 1, "restricted mean", "") if where in UNDETERMINED else (3, 0, "mean", mean_at(*where))
+        if where not in UNTRIED:
+            expected.append(in_csv(pixels, width, speed, *found, "", ""))
+    assert [[*row.values()] for row in table] == expected
 
 
 @pytest.mark.parametrize(("synchronised", "is_shown"), [(5, False), (6, True)])
 @pytest.mark.parametrize("statistic", [Statistic.MEAN, Statistic.MEDIAN])
-def test_a_point_has_a_value_just_if_fewer_than_half_of_its_trials_are_censored(
-    synchronised: int, is_shown: bool, statistic: Statistic
-) -> None:
+def test_a_point_has_a_value_just_if_fewer_than_half_of_its_trials_are_censored(synchronised, is_shown, statistic):
     times = [*range(50, 50 + synchronised), *[30_000] * (10 - synchronised)]
     made = measured({WIDTH: [40, 60], SPEED: [1, 2]}, lambda _: ended(times, [time < 30_000 for time in times]))
     (only,) = read_maps(made, SPEED, WIDTH, statistic)
@@ -100,7 +107,9 @@ def test_a_point_has_a_value_just_if_fewer_than_half_of_its_trials_are_censored(
     assert np.isnan(only.values).any() != is_shown
 
 
-def test_cells_hold_logarithms_in_one_set_of_colours_and_what_is_undetermined_is_grey_and_hatched(figure) -> None:
+def test_cells_hold_logarithms_and_what_is_undetermined_is_hatched_without_a_contour_and_named_in_a_legend(
+    figure,
+) -> None:
     for panel, each in zip(figure.axes, MAPS, strict=False):
         cells, *others = panel.collections
         np.testing.assert_allclose(cells.get_array().filled(math.nan).reshape(4, 5), np.log10(each.values))
@@ -114,9 +123,6 @@ def test_cells_hold_logarithms_in_one_set_of_colours_and_what_is_undetermined_is
             assert to_rgb(hatched.get_facecolor()[0]) == pytest.approx(to_rgb(GREY))
     for step in range(256):
         assert max(abs(np.subtract(to_rgb(COLOURS(step)), to_rgb(GREY)))) > 0.1
-
-
-def test_a_legend_names_what_is_undetermined_over_which_no_contour_reaches(figure) -> None:
     assert legend_texts(figure) == ["half of the trials or more are censored"]
     assert legend_texts(Maps(x=SPEED, y=WIDTH, maps=MAPS[:1]).draw_figure()) == []
     for speed, width in ((2.0, 60), (1.0, 80)):
@@ -188,18 +194,6 @@ def test_levels_are_even_few_enough_and_enclose_all_values(values: list[float], 
     assert np.allclose(steps, steps[0])
     assert levels[0] <= shown.min() + 1e-8 * abs(shown.min()) + 1e-9 * is_log
     assert shown.max() < levels[-1] + 1e-9 * is_log
-
-
-def test_the_csv_has_a_row_for_each_point_with_trials() -> None:
-    table = written(Maps(x=SPEED, y=WIDTH, maps=MAPS).tables[".csv"])
-    assert list(table[0]) == [PIXELS, WIDTH, SPEED, "trials", "censored", "statistic", "estimate", "low", "high"]
-    expected = []
-    for pixels, width, speed in product(PANELS, WIDTHS, SPEEDS):
-        where = (speed, width, pixels)
-        found = (12, 1, "restricted mean", "") if where in UNDETERMINED else (3, 0, "mean", mean_at(*where))
-        if where not in UNTRIED:
-            expected.append(in_csv(pixels, width, speed, *found, "", ""))
-    assert [[*row.values()] for row in table] == expected
 
 
 AGENT_SPEED = "agents.speed_cm_s"
@@ -303,9 +297,7 @@ def test_where_nothing_deviates_the_line_has_a_gap_or_a_map_is_refused_and_not_d
 
 @pytest.mark.parametrize(("cycles", "scale"), [(MAX_MOMENTS, "linear"), (MAX_MOMENTS + 1, "log")])
 @pytest.mark.parametrize("is_displaced", [True, False])
-def test_time_is_logarithmic_in_all_panels_once_moments_are_farther_and_farther_apart(
-    cycles: int, scale: str, is_displaced: bool
-) -> None:
+def test_time_is_logarithmic_in_all_panels_once_moments_are_farther_and_farther_apart(cycles, scale, is_displaced):
     moments = choose_moments(cycles)
     flat = np.full(len(moments), 0.5)
     figure = Courses(courses=[course_of(flat, flat, moments, is_displaced)]).draw_figure()

@@ -182,12 +182,16 @@ def test_the_pictures_are_whole_and_the_tables_hold_their_rows(saved) -> None:
     assert rows(saved.with_name("fig-more.csv")) == [{"c": "x"}, {"c": "y, z"}]
 
 
-@pytest.mark.parametrize("ending", [".png", ".svg", ".PDF"])
-def test_a_target_of_one_format_is_that_picture_alone_with_the_tables_beside_it(tmp_path, ending: str) -> None:
-    target = parse_target(tmp_path / f"v0.5{ending}")
-    files = save_figure(target, draw, tables())
-    assert names(tmp_path) == sorted([f"v0.5{ending}", "v0.5.csv", "v0.5-more.csv"])
-    assert files[0].read_bytes().startswith(SIGNATURES[ending.lower()])
+def test_a_target_is_a_stem_or_one_picture_alone_with_the_tables_beside_it(tmp_path) -> None:
+    for stem in ("fig", "v0.5", "a.b", "runs.old/fig"):
+        assert parse_target(Path(stem)) == Target(Path(stem), (".png", ".svg"))
+        assert parse_target(Path(f"{stem}.png")) == Target(Path(stem), (".png",))
+    for ending in (".png", ".svg", ".PDF"):
+        target = parse_target(tmp_path / ending / f"v0.5{ending}")
+        (tmp_path / ending).mkdir()
+        files = save_figure(target, draw, tables())
+        assert names(tmp_path / ending) == sorted([f"v0.5{ending}", "v0.5.csv", "v0.5-more.csv"])
+        assert files[0].read_bytes().startswith(SIGNATURES[ending.lower()])
 
 
 def test_the_same_figure_gives_the_same_files_byte_for_byte_and_another_one_others(tmp_path, monkeypatch) -> None:
@@ -197,12 +201,6 @@ def test_the_same_figure_gives_the_same_files_byte_for_byte_and_another_one_othe
     assert [file.read_bytes() for file in save_figure(target, draw, {".csv": tables()[".csv"]})] == first
     other = save_figure(target, lambda: draw("other"), {".csv": tables(2.5)[".csv"]})
     assert all(file.read_bytes() != before for file, before in zip(other, first, strict=True))
-
-
-def test_a_target_is_a_stem_or_one_picture() -> None:
-    for stem in ("fig", "v0.5", "a.b", "runs.old/fig"):
-        assert parse_target(Path(stem)) == Target(Path(stem), (".png", ".svg"))
-        assert parse_target(Path(f"{stem}.png")) == Target(Path(stem), (".png",))
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -221,9 +219,7 @@ def test_where_one_file_cannot_be_written_none_is_and_nothing_is_drawn(tmp_path,
     [(OSError(errno.ENOSPC, "No space left"), EpuckSimError), (KeyboardInterrupt(), KeyboardInterrupt)],
     ids=["full disk", "Ctrl-C"],
 )
-def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(
-    tmp_path, monkeypatch, problem: BaseException, raised: type[BaseException]
-) -> None:
+def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(tmp_path, monkeypatch, problem, raised):
     for ending in ENDINGS:
         (tmp_path / f"T{ending}").write_text("older")
 

@@ -10,7 +10,7 @@ from epuck_sim import EpuckSimError, figures
 from epuck_sim.figures.sweep_figure import read_form
 from tests.figures.drawn import legend_texts, written
 from tests.runs import made_folders
-from tests.runs.made_folders import COUNT, SPEED, WIDTH, censored, ended, in_memory, sweep, weibull
+from tests.runs.made_folders import COUNT, SPEED, WIDTH, censored, ended, in_memory, store_measured, sweep, weibull
 
 SPEEDS = [0.5, 5]
 POINTS = in_memory(sweep({WIDTH: [40, 60], SPEED: SPEEDS}, trials=9), lambda point: weibull(point, 50))
@@ -58,12 +58,19 @@ def test_a_form_draws_into_the_axes_it_is_given_and_adds_neither_title_nor_legen
     assert {made.axes[0].yaxis.label.get_fontsize()} == {11}
 
 
-def test_labels_are_as_asked_for_and_their_units_stay_out_of_the_legend() -> None:
+def test_labels_are_as_asked_for_without_units_in_the_legend_and_axes_are_named_by_endings_of_keys() -> None:
     labels = {SPEED: "speed (cm/s)", WIDTH: "side (cm)", "T_sync": "time to $"}
     panel = figures.plot(POINTS, labels=labels, title="two sides").axes[0]
     assert (panel.get_xlabel(), panel.get_ylabel()) == ("speed (cm/s)", "time to \\$")
     assert panel.get_legend_handles_labels()[1][:2] == ["side = 40 cm", "side = 60 cm"]
     assert panel.figure.get_suptitle() == "two sides"
+    for form in ("curves", "map", "violins"):
+        named = (["width_cm", "speed_cm_s"], [WIDTH, SPEED])
+        asked = ({"form": form, "x": keys[0], "labels": dict.fromkeys(keys, "mine")} for keys in named)
+        short, long = (read_form(POINTS, options) for options in asked)
+        assert short.settings == long.settings
+        assert short.labels[0] == "mine"
+    assert read_form(POINTS, {"panels": "width_cm"}).titles == ["L = 40 cm", "L = 60 cm"]
 
 
 @pytest.mark.parametrize("form", ["curves", "violins"])
@@ -133,13 +140,9 @@ def test_folders_are_told_apart_by_their_names_in_the_figure_the_table_and_the_c
     alone = [figures.plot(folder).axes[0].get_lines() for folder in folders]
     drawn = {tuple(line.get_ydata()) for lines in alone for line in lines if len(line.get_ydata()) == len(SPEEDS)}
     assert drawn == {tuple(line.get_ydata()) for line in panel.get_lines() if len(line.get_ydata()) == len(SPEEDS)}
-
-
-@pytest.mark.parametrize("form", ["map", "violins"])
-def test_each_folder_has_panels_of_its_own(folders, form: str) -> None:
-    titles = [panel.get_title() for panel in figures.plot(folders, form=form, names=["a", "b"]).axes]
     expected = {"map": ["a", "b", ""], "violins": ["a, N = 3", "a, N = 5", "b, N = 3", "b, N = 5"]}
-    assert titles == expected[form]
+    for kind, titles in expected.items():
+        assert [panel.get_title() for panel in figures.plot(folders, form=kind, names=["a", "b"]).axes] == titles
 
 
 def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_refused(tmp_path) -> None:
@@ -149,25 +152,12 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
         path.parent.mkdir()
         path.write_text(f'UNIT = "{unit}"\n\n\ndef way(simulation): return 1.0\n')
         scenario = sweep({SPEED: SPEEDS}, trials=2, measures=[str(path)])
-        folders.append(
-            made_folders.store_measured(tmp_path / f"run-{unit}", scenario, lambda point: [point.axes[SPEED]] * 2)
-        )
+        folders.append(store_measured(tmp_path / f"run-{unit}", scenario, lambda point: [point.axes[SPEED]] * 2))
     assert [figures.plot(each, of="way").axes[0].get_ylabel() for each in folders] == ["way (cm)", "way (mm)"]
     with pytest.raises(EpuckSimError, match="the unit of way differs: cm, mm; give folders with one"):
         figures.plot(folders, of="way")
     (tmp_path / "mm/mine.py").unlink()
     assert figures.plot(folders[1], of="way").axes[0].get_ylabel() == "way"
-
-
-@pytest.mark.parametrize("form", ["curves", "map", "violins"])
-def test_axes_are_named_by_the_endings_of_their_keys(form: str) -> None:
-    short, long = (
-        read_form(POINTS, {"form": form, "x": keys[0], "labels": dict.fromkeys(keys, "mine")})
-        for keys in (["width_cm", "speed_cm_s"], [WIDTH, SPEED])
-    )
-    assert short.settings == long.settings
-    assert short.labels[0] == "mine"
-    assert read_form(POINTS, {"panels": "width_cm"}).titles == ["L = 40 cm", "L = 60 cm"]
 
 
 def test_what_does_not_fit_is_refused_in_words() -> None:

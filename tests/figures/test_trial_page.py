@@ -65,12 +65,6 @@ def points(line: Line2D) -> FloatArray:
     return np.column_stack([line.get_xdata(), line.get_ydata()])
 
 
-def fullest(trial: Recorded) -> int:
-    """Return the last of the steps with the most rings lit."""
-    lit = trial.ring_on.sum(axis=1).tolist()
-    return max(range(len(lit)), key=lambda step: (lit[step], step))
-
-
 def rasterized(axes: Axes) -> set[bool]:
     """Return whether what is drawn at many times is a picture in an SVG: one value, if all of it is alike."""
     drawn = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
@@ -110,7 +104,7 @@ def saved_page(trial: Recorded, stem: Path, formats: tuple[str, ...] = (".svg",)
     return save_figure(Target(stem, formats), lambda: draw_page(trial))
 
 
-def test_each_flash_is_a_mark_at_its_time_in_the_row_of_its_robot(trials, pages) -> None:
+def test_each_flash_is_a_mark_at_its_time_which_all_panels_share_in_the_row_of_its_robot(trials, pages) -> None:
     trial, axes = trials["thesis"], pages["thesis"][1]
     (marks,) = axes.collections
     segments = np.array(marks.get_segments())
@@ -121,6 +115,11 @@ def test_each_flash_is_a_mark_at_its_time_in_the_row_of_its_robot(trials, pages)
     assert to_hex(marks.get_color()[0]) == RED
     bottom, top = axes.get_ylim()
     assert bottom < -0.4 < 9.4 < top < 10
+    _, *timed = pages["thesis"]
+    assert len({axes.get_xlim() for axes in timed}) == 1
+    (left, right), end_s = timed[0].get_xlim(), trials["thesis"].time_s[-1]
+    assert left <= 0 < end_s < right < 1.1 * end_s
+    assert timed[-1].get_xlabel() == "simulated time (s)"
 
 
 @pytest.mark.parametrize("name", ["thesis", "mixed", "agents"])
@@ -159,14 +158,6 @@ def test_the_order_parameter_is_drawn_at_steps_and_at_firings_with_its_threshold
     assert axes.figure.bbox.y0 <= box.y0 < box.y1 < axes.get_window_extent().y0
 
 
-def test_time_is_the_same_in_all_panels_and_all_of_it_is_there(trials, pages) -> None:
-    _, *timed = pages["thesis"]
-    assert len({axes.get_xlim() for axes in timed}) == 1
-    (left, right), end_s = timed[0].get_xlim(), trials["thesis"].time_s[-1]
-    assert left <= 0 < end_s < right < 1.1 * end_s
-    assert timed[-1].get_xlabel() == "simulated time (s)"
-
-
 def test_the_title_names_the_outcome_and_what_is_not_as_in_the_shipped_scenario(trials) -> None:
     trial = trials["thesis"]
     assert page_title(trial, has_oscillators=True) == f"thesis, seed 0: synchronised after {trial.cycles} cycles"
@@ -193,16 +184,11 @@ def test_a_trial_without_oscillators_has_no_empty_panels(tmp_path, is_lit: bool)
     assert "without oscillators" in figure.get_suptitle()
 
 
-def test_a_cube_and_nothing_else_is_said_to_be_seen_from_above(tmp_path, pages) -> None:
-    settings = ["space.dimensions=3", "agents.count=4", "stop.max_cycles=2"]
-    cube, *_ = draw_page(recorded(tmp_path / "t.rrd", load_scenario("particles", settings))).axes
-    assert ["a cube seen from above" in arena.get_title() for arena in (cube, pages["agents"][0])] == [True, False]
-
-
 @pytest.mark.parametrize("name", ["thesis", "mixed"])
 def test_robots_are_where_they_were_when_most_rings_were_lit_for_the_last_time(trials, pages, name: str) -> None:
     trial, arena = trials[name], pages[name][0]
-    moment, bodies = fullest(trial), robots(arena)
+    lit, bodies = trial.ring_on.sum(axis=1).tolist(), robots(arena)
+    moment = max(range(len(lit)), key=lambda step: (lit[step], step))
     assert len(bodies) == trial.scenario.robot_count
     np.testing.assert_array_equal([body.center for body in bodies], trial.positions[moment])
     assert [to_hex(body.get_facecolor()) == RED for body in bodies] == trial.ring_on[moment].tolist()
@@ -224,7 +210,7 @@ def test_robots_are_where_they_were_when_most_rings_were_lit_for_the_last_time(t
         np.testing.assert_array_equal(path, trial.positions[moment + 1 - len(path) : moment + 1, robot])
 
 
-def test_walls_and_obstacles_are_drawn_where_they_stand(tmp_path) -> None:
+def test_walls_and_obstacles_are_drawn_where_they_stand_and_a_cube_alone_is_seen_from_above(tmp_path, pages) -> None:
     arena, *_ = draw_page(recorded(tmp_path / "t.rrd", load_scenario("obstacles", ["stop.max_time_s=12"]))).axes
     (pillar,) = [each for each in arena.patches if isinstance(each, Circle) and each.get_zorder() == 1]
     assert (pillar.center, pillar.radius) == ((30, 30), 6)
@@ -233,6 +219,9 @@ def test_walls_and_obstacles_are_drawn_where_they_stand(tmp_path) -> None:
     np.testing.assert_allclose(bar.get_xy()[:4].mean(axis=0), (65, 60))
     (walls,) = [patch for patch in arena.patches if isinstance(patch, Rectangle)]
     assert (walls.get_bbox().bounds, walls.get_fill()) == ((0, 0, 100, 100), False)
+    settings = ["space.dimensions=3", "agents.count=4", "stop.max_cycles=2"]
+    cube, *_ = draw_page(recorded(tmp_path / "t.rrd", load_scenario("particles", settings))).axes
+    assert ["a cube seen from above" in arena.get_title() for arena in (cube, pages["agents"][0])] == [True, False]
 
 
 @pytest.mark.parametrize(

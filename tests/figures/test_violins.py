@@ -73,15 +73,7 @@ def test_a_density_spans_its_trials_and_is_1_where_it_is_widest(times: list[int]
     assert widths.min() >= 0
 
 
-def test_the_density_is_that_of_the_logarithms() -> None:
-    """Of a lognormal distribution it is a bell around the median, and not around the mean."""
-    drawn = np.exp(5 + np.random.default_rng(1).standard_normal(20_000))
-    heights, widths = density(drawn, of_logarithms=True)
-    expected = np.exp(-((np.log(heights) - 5) ** 2) / 2 / (1 + 20_000**-0.4))
-    np.testing.assert_allclose(widths, expected, atol=0.05)
-
-
-def test_a_violin_is_as_wide_as_the_density_of_the_trials_that_synchronised(panels) -> None:
+def test_a_violin_is_as_wide_as_the_density_of_the_logarithms_of_the_trials_that_synchronised(panels) -> None:
     points = iter(POINTS)
     for panel, curve in zip(panels, FORM.curves, strict=True):
         assert (panel.get_xscale(), panel.get_yscale()) == ("log", "log")
@@ -91,6 +83,11 @@ def test_a_violin_is_as_wide_as_the_density_of_the_trials_that_synchronised(pane
             shown = np.interp(np.log(corners[:, 1]), np.log(heights), expected)
             np.testing.assert_allclose(widths, shown, atol=1e-6)
     assert next(points, None) is None
+    """Of a lognormal distribution it is a bell around the median, and not around the mean."""
+    drawn = np.exp(5 + np.random.default_rng(1).standard_normal(20_000))
+    heights, widths = density(drawn, of_logarithms=True)
+    expected = np.exp(-((np.log(heights) - 5) ** 2) / 2 / (1 + 20_000**-0.4))
+    np.testing.assert_allclose(widths, expected, atol=0.05)
 
 
 def test_lines_bands_crosses_and_dots_are_the_estimates_and_the_means_of_all_trials(panels) -> None:
@@ -110,16 +107,14 @@ def test_lines_bands_crosses_and_dots_are_the_estimates_and_the_means_of_all_tri
         (_, above) = panel.transAxes.inverted().transform(panel.transData.transform((1, highest)))
         assert above < crosses.get_ydata()[0] < 1  # as a share of the panel
         (dots,) = lines(panel, "mean of all trials")
-        expected = [
-            np.nan if censored else each.values.mean()
-            for censored, each in zip(curve.censored, curve.measured, strict=True)
-        ]
+        trials = zip(curve.censored, curve.measured, strict=True)
+        expected = [np.nan if censored else each.values.mean() for censored, each in trials]
         np.testing.assert_array_equal(dots.get_ydata(), expected)
         (limit,) = lines(panel, r"$T_\mathrm{cens}$ of the Weibull mean: 60")
         assert (limit.get_linestyle(), *limit.get_ydata()) == ("--", CENSORED_AT, CENSORED_AT)
 
 
-def test_titles_labels_and_the_legend_name_what_there_is(panels) -> None:
+def test_titles_labels_the_legend_and_the_caption_name_what_there_is(panels) -> None:
     assert [panel.get_title() for panel in panels] == [f"N = {count}" for count in COUNTS]
     assert len({(panel.get_xlim(), panel.get_ylim()) for panel in panels}) == 1
     assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("V (cm/s)", r"$T_\mathrm{sync}$ (cycles)")
@@ -133,9 +128,6 @@ def test_titles_labels_and_the_legend_name_what_there_is(panels) -> None:
     ]
     assert legend_texts(panels[0].figure) == expected
     assert not {*expected[3:4], *expected[5:]} & {*legend_texts(OPEN.draw_figure())}
-
-
-def test_the_caption_says_how_many_trials_are_censored_and_nothing_where_none_is() -> None:
     censored = sum(int((~point.observed).sum()) for point in POINTS)
     trials = sum(len(point.times) for point in POINTS)
     numbers = count_trials([len(point.times) for point in POINTS])

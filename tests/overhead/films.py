@@ -164,14 +164,10 @@ class Score(NamedTuple):
     """How well rings were found, in one frame or in many."""
 
     found: int = 0
-    missed: int = 0
-    """Rings that were lit for the whole exposure and are not reported."""
-    false: int = 0
-    """Rings reported where none was lit at any time of the exposure."""
-    worst_cm: float = 0.0
-    """The largest distance between a ring found and the truth."""
-    squares_cm2: float = 0.0
-    """Sum of the squares of these distances."""
+    missed: int = 0  # though lit for the whole exposure
+    false: int = 0  # lit at no time of the exposure
+    worst_cm: float = 0.0  # the largest distance between a ring found and the truth
+    squares_cm2: float = 0.0  # sum of the squares of these distances
 
     def __add__(self, other: Self) -> "Score":  # type: ignore[override]
         found, missed, false, _, squares_cm2 = (one + two for one, two in zip(self, other, strict=True))
@@ -187,7 +183,6 @@ class Score(NamedTuple):
 
     @property
     def rms_cm(self) -> float:
-        """Root mean square of the distances."""
         return float((self.squares_cm2 / max(1, self.found)) ** 0.5)
 
 
@@ -229,8 +224,7 @@ class Kind(NamedTuple):
     ending: str
     codec: str
     pixels: str
-    tick_s: Fraction
-    """Unit of its time stamps."""
+    tick_s: Fraction  # unit of its time stamps
 
 
 MP4 = Kind("mp4", "libx264", "yuv420p", Fraction(1, 90_000))
@@ -259,14 +253,7 @@ def number_in(picture: np.ndarray) -> int:
     return sum(1 << bit for bit, column in enumerate(columns) if picture[height_px // 4, column].mean() > 127)
 
 
-def write_film(
-    path: Path,
-    ticks: Sequence[int],
-    kind: Kind = MP4,
-    size: tuple[int, int] = (64, 48),
-    comment: str = "",
-    options: dict[str, str] | None = None,
-) -> Path:
+def write_film(path: Path, ticks: Sequence[int], kind: Kind = MP4, *, size=(64, 48), comment="", options=None) -> Path:
     """Write a film of numbered pictures; ticks: increasing time stamps in the unit of its kind."""
     with av.open(path, "w", options=options or {}) as container:
         if comment:
@@ -283,9 +270,7 @@ def write_film(
     return path
 
 
-def write_packets(
-    path: Path, stamps: Iterable[int], _: Kind = MKV, pictures: Sequence[np.ndarray] | None = None, comment: str = ""
-) -> Path:
+def write_packets(path: Path, stamps: Iterable[int], _: Kind = MKV, *, pictures=None, comment="") -> Path:
     """Write an MKV film of numbered pictures, or others, whose time stamps, in ms, need not increase."""
     stamps = list(stamps)
     pictures = [numbered_picture(number) for number in range(len(stamps))] if pictures is None else pictures

@@ -18,9 +18,8 @@ from epuck_sim.overhead.tags import Readings
 from epuck_sim.overhead.track import Track
 from tests.overhead.films import TRACK
 
-SCENARIO = load_scenario(
-    "thesis", ["robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0", "seed=3"]
-)
+ROBOTS = ["robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0"]
+SCENARIO = load_scenario("thesis", [*ROBOTS, "seed=3"])
 FILM = TRACK._replace(fps=15.0, duration_s=24.0, options=TRACK.options._replace(period_s=2.0))
 TAGGED = FILM._replace(tags=Readings(np.empty(0), np.empty(0, int), np.empty((0, 3))))
 
@@ -165,10 +164,8 @@ def track_of(seed: int, clock_rate=0.0, speed_cm_s=0.0, wheel_speed=0.0, *, cycl
             x_cm = home[0] + speeds[robot] * onset_s
             seen = speeds[robot] * (1 + 0.01 * generator.standard_normal())
             flashes.append(Flash(onset_s, end_s, x_cm, home[1], 80.0, seen, 0.0))
-    times_s = np.arange(round((cycles + 1) * period_s * FPS)) / FPS
-    return TRACK._replace(
-        flashes=tuple(sorted(flashes)), times_s=times_s, fps=FPS, period_s=period_s, flash_ms=75 * period_s, start_s=0.0
-    )
+    times = {"times_s": np.arange(round((cycles + 1) * period_s * FPS)) / FPS, "fps": FPS, "start_s": 0.0}
+    return TRACK._replace(flashes=tuple(sorted(flashes)), period_s=period_s, flash_ms=75 * period_s, **times)
 
 
 @pytest.mark.parametrize("seed", range(4))

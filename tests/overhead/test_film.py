@@ -233,10 +233,8 @@ def test_films_are_turned_as_players_turn_them(tmp_path, matrix, quarters) -> No
     picture[32:, :32] = 90
     with film_file(path, 96, 64, {}) as writer:
         writer.write(Frame(0.0, picture))
-    upright, turned = (
-        struct.pack(">9i", a << 16, b << 16, 0, c << 16, d << 16, 0, 0, 0, 1 << 30)
-        for a, b, c, d in ((1, 0, 0, 1), matrix)
-    )
+    matrices = [[value << 16 for value in each] for each in ((1, 0, 0, 1), matrix)]
+    upright, turned = (struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30) for a, b, c, d in matrices)
     whole = path.read_bytes()
     at = whole.index(upright, whole.index(b"tkhd"))
     path.write_bytes(whole[:at] + turned + whole[at + len(upright) :])

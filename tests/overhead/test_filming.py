@@ -202,28 +202,32 @@ def test_frames_begin_at_multiples_of_their_interval(rate: float, lit_s: float, 
     assert list(VirtualCamera(section, ARENA, 0).finish()) == []
 
 
-@pytest.mark.usefixtures("spied")
-def test_frame_comes_as_soon_as_its_exposure_has_ended() -> None:
+def test_frame_comes_as_soon_as_its_exposure_has_ended_and_what_is_given_is_copied_and_forgotten(spied) -> None:
     camera = VirtualCamera(OverheadSection(frames_per_s=10, exposure_ms=50), ARENA, 0)
     given_at = [[frame.time_s for frame in camera.observe(t, STILL, OFF)] for t in (0.0, 0.04, 0.05, 0.1, 0.2)]
     assert given_at == [[], [], [0.0], [], [0.1]]
     camera.observe(0.25, STILL, OFF)
     assert [frame.time_s for frame in camera.observe(0.35, STILL, OFF)] == [0.2, 0.3]  # those not asked for, too
     assert not list(camera.finish())
+    camera = VirtualCamera(OverheadSection(frames_per_s=15), ARENA, 0)
+    poses, on = STILL.copy(), OFF.copy()
+    list(camera.observe(0.0, poses, on))
+    poses[:], on[:] = 0, True
+    for number in range(1, 50):
+        list(camera.observe(number * 0.02, STILL, OFF))
+    assert len(camera._steps) <= 5
+    assert all((sample.poses == STILL).all() and not sample.ring_on[0] for sample in spied[0][0])
 
 
 @pytest.mark.parametrize(("step", "is_on"), [(3, True), (6, False), (29, True)])
 def test_ring_switched_at_the_beginning_of_a_frame_is_switched_in_it(step: int, is_on: bool) -> None:
-    frames = shoot(
-        OverheadSection(frames_per_s=10, **CLEAN, width_px=64, height_px=64), flashing(lambda n: (n >= step) == is_on)
-    )
+    section = OverheadSection(frames_per_s=10, **CLEAN, width_px=64, height_px=64)
+    frames = shoot(section, flashing(lambda n: (n >= step) == is_on))
     red = [frame.picture[..., 0].max() > 200 for frame in frames]
     assert red == [(number >= step) == is_on for number in range(len(frames))]
 
 
-def test_film_begins_lit_with_rings_off_and_a_ring_switched_on_in_mid_exposure_gives_half_of_its_light(
-    spied: Spied,
-) -> None:
+def test_film_begins_lit_with_rings_off_and_a_ring_switched_on_in_mid_exposure_gives_half_its_light(spied) -> None:
     shoot(OverheadSection(lit_start_s=2, frames_per_s=10), flashing(lambda _: True, 1.0))
     assert [is_lit for _, is_lit in spied] == [True] * 20 + [False] * 11
     assert [any(each.ring_on[0] for each in samples) for samples, _ in spied] == [False] * 20 + [True] * 11
@@ -234,9 +238,7 @@ def test_film_begins_lit_with_rings_off_and_a_ring_switched_on_in_mid_exposure_g
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.floats(0.05, 0.5), st.floats(1, 30), st.floats(-12.8, 12.8), st.floats(-4, 4))
-def test_robots_move_evenly_from_step_to_step(
-    spied: Spied, step_s: float, rate: float, speed: float, turning: float
-) -> None:
+def test_robots_move_evenly_from_step_to_step(spied: Spied, step_s, rate, speed, turning) -> None:
     times = np.arange(8) * step_s
     wrapped = (turning * times + math.pi) % math.tau - math.pi
     steps = [(t, np.array([[30 + speed * t, 30.0, a]]), [False]) for t, a in zip(times, wrapped, strict=True)]
@@ -247,17 +249,6 @@ def test_robots_move_evenly_from_step_to_step(
             x, _, heading = sample.poses[0]
             assert x == pytest.approx(30 + speed * moment_s, abs=1e-4)
             assert math.cos(heading - turning * moment_s) == pytest.approx(1)
-
-
-def test_what_is_given_is_copied_and_forgotten(spied: Spied) -> None:
-    camera = VirtualCamera(OverheadSection(frames_per_s=15), ARENA, 0)
-    poses, on = STILL.copy(), OFF.copy()
-    list(camera.observe(0.0, poses, on))
-    poses[:], on[:] = 0, True
-    for number in range(1, 50):
-        list(camera.observe(number * 0.02, STILL, OFF))
-    assert len(camera._steps) <= 5
-    assert all((sample.poses == STILL).all() and not sample.ring_on[0] for sample in spied[0][0])
 
 
 def slow_picture(camera: CameraModel, samples: list[ExposureSample], section: OverheadSection) -> np.ndarray:
@@ -273,10 +264,8 @@ def slow_picture(camera: CameraModel, samples: list[ExposureSample], section: Ov
                 off = np.abs(np.hypot(across[..., 0], across[..., 1]) - epuck.RING_RADIUS_CM)
                 angle = np.arctan2(across[..., 1], across[..., 0]) - ahead
                 leds = 1 - render.DEPTH * (1 - np.cos(8 * angle)) / 2
-                shine = leds * np.exp(-0.5 * (off / render.WIDTH_CM) ** 2) + section.bloom * np.exp(
-                    -off / render.FADE_CM
-                )
-                light += share * shine / len(samples)
+                haze = section.bloom * np.exp(-off / render.FADE_CM)
+                light += share * (leds * np.exp(-0.5 * (off / render.WIDTH_CM) ** 2) + haze) / len(samples)
     light *= section.gain * section.exposure_ms / render.NOMINAL_EXPOSURE_MS
     light *= dimming(section.width_px, section.height_px, section.vignetting)
     return np.minimum(light[..., None] * render.COLOUR_LEVELS, 255)
@@ -285,10 +274,8 @@ def slow_picture(camera: CameraModel, samples: list[ExposureSample], section: Ov
 def test_brightness_is_that_of_the_formula_at_each_pixel() -> None:
     """Rings that move, go on and off in an exposure, and overlap; beyond half a level, haze is cut off."""
     poses = np.array([(21.0, 37.0, 0.8), (27.0, 36.0, -2.0), (5.0, 20.0, 0.3)])  # the last one behind a wall
-    samples = [
-        ExposureSample(poses + np.array([moved, 0, moved]), np.array(on))
-        for moved, on in ((0.0, [True, False, True]), (0.3, [True, True, True]))
-    ]
+    later = ExposureSample(poses + np.array([0.3, 0, 0.3]), np.array([True, True, True]))
+    samples = [ExposureSample(poses, np.array([True, False, True])), later]
     for given_settings in [
         {"exposure_ms": 4.0, "bloom": 0.1, "width_px": 320, "height_px": 180},
         {"exposure_ms": 2.0, "bloom": 0.5, "vignetting": 0.5},
@@ -361,9 +348,8 @@ def test_bodies_stand_upright_with_marks_that_point_ahead_and_an_inner_one_hides
         spot = (50 + ahead * math.cos(2.5), 30 + ahead * math.sin(2.5), epuck.HEIGHT_CM)
         assert (picture[pixel_at(camera, *spot)] == grey).all()
     assert (picture[pixel_at(camera, 50 - 3.65, 30, 1.0)] == render.BODY_SIDE).all()  # towards the picture's middle
-    columns = np.flatnonzero(
-        np.isin(picture[pixel_at(camera, 50, 30)[0], :, 0], (render.BODY_SIDE, render.BODY_TOP, render.HEADING_MARK))
-    )
+    across, body = picture[pixel_at(camera, 50, 30)[0], :, 0], (render.BODY_SIDE, render.BODY_TOP, render.HEADING_MARK)
+    columns = np.flatnonzero(np.isin(across, body))
     ends = camera.project(np.array([(50 - 3.7, 30, 0.0), (50 + 3.7, 30, epuck.HEIGHT_CM)]))[:, 0]
     assert np.abs(columns[[0, -1]] - ends).max() <= 1
     wide = make_arena(120, 40, [], [])

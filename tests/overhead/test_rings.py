@@ -127,16 +127,13 @@ def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() 
     assert RingFinder(camera).find(light) == []
 
 
-def test_whether_the_room_is_lit():
+def test_whether_the_room_is_lit_and_light_is_bright_or_coloured_and_not_counted_outside_of_the_floor():
     wide = {"width_px": 320, "height_px": 180}  # most of it is a dark table
     assert is_lit(picture_of([], room=True, **wide))
     assert is_lit(picture_of([], room=True, tilt_deg=20.0, turn_deg=40.0))
     assert not is_lit(picture_of(cameras.touching(30, np.random.default_rng(0)), **wide))
     assert not is_lit(np.full((64, 64, 3), 39, np.uint8))
     assert is_lit(np.full((64, 64, 3), 40, np.uint8))
-
-
-def test_light_is_bright_or_coloured_and_does_not_count_outside_of_the_floor():
     picture = np.array([[(200, 90, 120), (90, 200, 120), (90, 90, 90)]], np.uint8)
     learnt = Background(np.array([[4, 4, 3]], np.uint8))
     for (levels, room_is_lit), expected, is_expected_lit in [

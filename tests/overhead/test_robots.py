@@ -44,7 +44,7 @@ def straight(places, velocities, phases_s, cycles: int) -> tuple[FlashTable, Int
     return table, whose[order]
 
 
-def test_robots_that_cross_each_others_ways_in_step_are_told_apart_by_their_velocities() -> None:
+def test_robots_that_cross_in_step_are_told_apart_by_their_velocities_and_others_linked_with_half_a_certainty() -> None:
     places = np.array([(10.0, 30.0), (50.0, 31.0), (30.0, 8.0)])
     velocities = np.array([(1.5, 0.0), (-1.5, 0.0), (0.0, 1.5)])
     flashes, whose = straight(places, velocities, np.zeros(3), 5)
@@ -55,9 +55,6 @@ def test_robots_that_cross_each_others_ways_in_step_are_told_apart_by_their_velo
         assert found.cycle[whose == robot].tolist() == [1, 2, 3, 4, 5]
     assert found.unsure == 0
     assert found.speed_cm_s == pytest.approx(1.5)
-
-
-def test_robots_that_cannot_be_told_apart_are_linked_with_half_a_certainty() -> None:
     # two robots that stand 1 cm apart and flash at once: neither place nor time tells
     places = np.array([(30.0, 30.0), (30.3, 30.0), (10.0, 10.0)])
     flashes, _ = straight(places, np.zeros((3, 2)), np.array([0.0, 0.0, 2.0]), 6)
@@ -191,13 +188,8 @@ def test_tags_are_read_where_robots_are_and_gathered() -> None:
 
 def read(numbers=(4, 7), without=()) -> Readings:
     """Return readings of robots that drive along x, but for those of (time, number)."""
-    rows = [
-        (time, number, 5.0 + time + 10 * row, 10.0, 3.1 + 0.1 * time)
-        for time in TIMES
-        for row, number in enumerate(numbers)
-        if (round(time, 1), number) not in without
-    ]
-    columns = np.array(rows)
+    seen = [(time, *each) for time in TIMES for each in enumerate(numbers) if (round(time, 1), each[1]) not in without]
+    columns = np.array([(t, number, 5.0 + t + 10 * row, 10.0, 3.1 + 0.1 * t) for t, row, number in seen])
     return Readings(columns[:, 0], columns[:, 1].astype(int), columns[:, 2:])
 
 
@@ -225,7 +217,7 @@ def test_flashes_are_those_of_the_tags_above_them() -> None:
     assert summary(tracked, robots)["by"] == "tags"
 
 
-def test_where_a_tag_is_unread_for_long_it_is_not_known_where_the_robot_is() -> None:
+def test_where_a_tag_is_unread_for_long_or_seen_twice_it_is_not_known_where_the_robot_is_and_said() -> None:
     gap = {(round(0.1 * k, 1), 4) for k in range(20, 40)}
     robots = find_robots(track((3.0, 5.0))._replace(tags=read(without=gap)))
     assert robots.poses is not None
@@ -234,13 +226,9 @@ def test_where_a_tag_is_unread_for_long_it_is_not_known_where_the_robot_is() -> 
     assert robots.identities.robot.tolist() == [-1]
     (warning,) = robots.warnings
     assert warning.startswith("flashes that are under no tag: 1 of 1; there are robots without a tag")
-
-
-def test_a_tag_that_is_seen_twice_is_said_and_left_out() -> None:
-    once, other = read(), read(numbers=(4,))
-    double = Readings(
-        *(np.concatenate([a, b[:20]]) for a, b in zip(once, other._replace(poses=other.poses + 20), strict=True))
-    )
+    other = read(numbers=(4,))
+    there = other._replace(poses=other.poses + 20)
+    double = Readings(*(np.concatenate([a, b[:20]]) for a, b in zip(read(), there, strict=True)))
     robots = find_robots(track((1.0, 5.0))._replace(tags=double))
     assert "tag 4 is seen twice in 20 frames, and left out there" in robots.warnings[0]
     assert robots.poses is not None
@@ -269,11 +257,8 @@ HOMES = np.array([(10.0, 10.0), (45.0, 15.0), (30.0, 45.0)])
 
 def track_of(phases_s: list[float], cycles: int = CYCLES) -> Track:
     """Return what is found in a film of robots that drive at 0.5 cm/s and flash at phases of a period of 1 s."""
-    flashes = [
-        Flash(k + phase, k + phase + 0.1, home[0] + 0.5 * k, home[1], 80.0, 0.5, 0.0)
-        for k in range(cycles)
-        for phase, home in zip(phases_s, HOMES, strict=True)
-    ]
+    onsets = [(k, k + phase, *home) for k in range(cycles) for phase, home in zip(phases_s, HOMES, strict=True)]
+    flashes = [Flash(at, at + 0.1, x + 0.5 * k, y, 80.0, 0.5, 0.0) for k, at, x, y in onsets]
     return TRACK._replace(flashes=tuple(sorted(flashes)), times_s=even(cycles, 20), start_s=0.0)
 
 

@@ -132,9 +132,7 @@ OF_POINTS = {"is_fisheye": True, "above_cm": 38.0, "focal_px": 320.0}
 CAMERAS = webcam.KINDS | {"fisheye of points": webcam.KINDS["points"]._replace(**OF_POINTS)}
 
 
-def track_of(
-    folder: Path, camera: webcam.Webcam, filmed: webcam.Swarm, extras: tuple[webcam.Extra, ...] = ()
-) -> tuple[Track, films.Score]:
+def track_of(folder: Path, camera: webcam.Webcam, filmed: webcam.Swarm, *extras) -> tuple[Track, films.Score]:
     """Return what is found in a film of a swarm, told all about it, and how well its rings are found."""
     table, shot = folder / "rings.csv", list(webcam.shoot(camera, filmed, 12.0, extras))
     film = save(folder / "film.mp4", [frame for frame, _ in shot])
@@ -162,12 +160,10 @@ def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
 def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_path: Path) -> None:
     robots = webcam.swarm(4, 4, 2, seed=2, period_s=1.6)
     neighbour = webcam.Extra((68.0, 30.0), tuple(0.3 + 1.3 * np.arange(5)), 0.3)
-    free = max(
-        ((x, y) for x in (10.0, 30.0, 50.0) for y in (10.0, 30.0, 50.0)),
-        key=lambda place: np.hypot(*(robots.homes_cm - place).T).min(),
-    )
+    places = [(x, y) for x in (10.0, 30.0, 50.0) for y in (10.0, 30.0, 50.0)]
+    free = max(places, key=lambda place: np.hypot(*(robots.homes_cm - place).T).min())
     camera = webcam.GOOD._replace(focal_px=640.0, size_px=(640, 480)).scaled(0.4)
-    track, _ = track_of(tmp_path, camera, robots, (neighbour, webcam.Extra(free)))
+    track, _ = track_of(tmp_path, camera, robots, neighbour, webcam.Extra(free))
     assert (track.rings_outside > 10, track.always_lit, track.confidence) == (True, 1, "low")
     assert track.histogram_periods == pytest.approx(2.55, abs=0.25)
     assert any("outside of the floor" in warning for warning in track.warnings)

@@ -124,10 +124,8 @@ def test_a_swarm_may_never_synchronise_and_a_film_that_ends_as_it_does_is_too_sh
     assert track.flashes_per_period == pytest.approx(6, rel=0.1)
     assert json.loads(json.dumps(track.summary(), allow_nan=False))["histogram_s"] is None
     times_s, counts = swarm(from_s=6.0)
-    whole, cut = (
-        analysed(times_s[times_s < end_s], counts[times_s < end_s], TrackOptions(period_s=1.0, robots=6))
-        for end_s in (8.0, 6.54)
-    )
+    told = TrackOptions(period_s=1.0, robots=6)
+    whole, cut = (analysed(times_s[times_s < end_s], counts[times_s < end_s], told) for end_s in (8.0, 6.54))
     assert (whole.t_sync_s, whole.confidence) == (pytest.approx(6.5, abs=0.6), "low")
     (reason,) = cut.reasons
     assert (cut.t_sync_s, cut.confidence, "ends too early to tell" in reason) == (None, "none", True)
@@ -182,7 +180,7 @@ def process_all(counts: list[int], is_lit: list[bool]) -> RingCounter:
     return counter
 
 
-def test_trial_begins_with_the_first_dark_frame() -> None:
+def test_trial_begins_with_the_first_dark_frame_and_ctrl_c_leaves_as_many_counts_as_times(monkeypatch) -> None:
     counts = [3, 1, 4, 1, 5, 9]
     for lit, first in [
         ([True] * 5 + [False], 5),
@@ -194,9 +192,6 @@ def test_trial_begins_with_the_first_dark_frame() -> None:
         found = counter.counted()
         assert (counter.start_s, found.times_s.tolist()) == (first / 2, (np.arange(first, 6) / 2).tolist())
         assert found.counts.tolist() == counts[first:]
-
-
-def test_ctrl_c_leaves_as_many_counts_as_times(monkeypatch: pytest.MonkeyPatch) -> None:
     counter = process_all([1, 2], [False, False])
 
     def interrupt(*_: object) -> int:
@@ -217,9 +212,7 @@ def test_ctrl_c_leaves_as_many_counts_as_times(monkeypatch: pytest.MonkeyPatch) 
     threshold_s=st.floats(0.02, 0.2),
 )
 @settings(max_examples=12)
-def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
-    seed: int, together_s: float, lit: int, flickers: list[int], threshold_s: float
-) -> None:
+def test_tracking_frame_by_frame_agrees_with_analysis_of_whole_films(seed, together_s, lit, flickers, threshold_s):
     random = np.random.default_rng(seed)
     onsets = np.arange(-1, 12)[:, None] + 0.5 + random.uniform(-0.05, 0.05, 6)
     onsets = np.where(onsets < together_s, onsets + random.random(6), onsets)
@@ -317,9 +310,7 @@ def test_an_order_parameter_is_named_if_track_takes_it(phases: tuple[float, ...]
 
 
 @pytest.mark.parametrize(("moves_cm", "known", "doubted"), [(9, {}, True), (3, {}, False), (9, {"robots": 1}, False)])
-def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(
-    moves_cm: float, known: dict[str, int], doubted: bool
-) -> None:
+def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(moves_cm, known, doubted) -> None:
     flashes = tuple(flash(0.5 + k, float(moves_cm * k)) for k in range(8))
     given = seen(evidence(robots=None, period_is_given=False), flashes)._replace(**known)
     assert may_be_half_a_period(given) == doubted
@@ -380,14 +371,11 @@ def test_what_is_doubtful_is_said(given: Evidence, doubt: str) -> None:
     assert any(doubt in each for each in found) if doubt else not found, found
 
 
-def test_light_of_no_ring_is_measured() -> None:
+def test_light_of_no_ring_is_measured_mirror_images_counted_and_places_near_each_other_one() -> None:
     counts, area = evidence().counted.counts, evidence().counted.areas_px
     assert verdict.light_of_no_ring(area, counts) == pytest.approx(0, abs=1e-9)
     assert verdict.light_of_no_ring(area, CUT) == pytest.approx(1 / 3, abs=0.1)
     assert verdict.light_of_no_ring(area, 0 * counts) == 0
-
-
-def test_mirror_images_are_counted_and_places_near_each_other_are_one() -> None:
     random = np.random.default_rng(0)
     robots = [Flash(t, t + 0.3, *random.uniform(5, 55, 2), 80.0) for t in np.sort(random.uniform(0, 60, 30))]
     images = [robot._replace(x_cm=-robot.x_cm, light=40.0) for robot in robots[::2]]

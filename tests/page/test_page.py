@@ -177,9 +177,8 @@ def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.Monk
 def test_firmware_is_refused_by_name(tmp_path: Path) -> None:
     if shutil.which("cc") is None:
         pytest.skip("there is no C compiler")
-    (tmp_path / "mine.c").write_text(
-        "#define PARAMETERS\n#define MEMORY\n#include <epuck.h>\n\nvoid start(void) {}\n\nvoid step(void) {}\n"
-    )
+    lines = ["#define PARAMETERS", "#define MEMORY", "#include <epuck.h>", "void start(void) {}", "void step(void) {}"]
+    (tmp_path / "mine.c").write_text("\n".join(lines))
     changes = [f"robots.0.controller={tmp_path / 'mine.c'}", "robots.0.parameters={}"]
     with pytest.raises(ScenarioError, match=r"robots\.controller: is .*mine.*; pages have controllers in Python"):
         write_page("thesis", tmp_path / "x.html", changes)
