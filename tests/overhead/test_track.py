@@ -129,6 +129,12 @@ def test_table_keeps_the_times_of_a_long_film(tmp_path: Path) -> None:
 
 
 OF_POINTS = {"is_fisheye": True, "above_cm": 38.0, "focal_px": 320.0}
+SLOW_KINDS = [pytest.param(kind, marks=pytest.mark.slow) for kind in ("orange", "flicker in bands")]
+SLOW_EFFECTS = [
+    pytest.param(kind, strengths[-1], marks=pytest.mark.slow)
+    for kind, (_, strengths) in webcam.EFFECTS.items()
+    if kind not in {"burnt out", "rolling shutter"}  # flashes of 1.4 frames are cut in the middle
+]
 CAMERAS = webcam.KINDS | {"fisheye of points": webcam.KINDS["points"]._replace(**OF_POINTS)}
 
 
@@ -142,13 +148,7 @@ def track_of(folder: Path, camera: webcam.Webcam, filmed: webcam.Swarm, *extras)
     return track_film(film, told, table, passed), score_rows(read_rings(table), truth)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        *("burnt out, white", "fisheye of points", "typical webcam"),
-        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("orange", "flicker in bands")),
-    ],
-)
+@pytest.mark.parametrize("kind", ["burnt out, white", "fisheye of points", "typical webcam", *SLOW_KINDS])
 def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
     track, score = track_of(tmp_path, CAMERAS[kind].scaled(0.4), webcam.swarm(5, 4, 2, seed=1, period_s=1.6))
     assert score.found + score.missed > 20
@@ -170,18 +170,7 @@ def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_p
     assert any("stayed lit" in warning for warning in track.warnings)
 
 
-@pytest.mark.parametrize(
-    ("kind", "strength"),
-    [
-        ("burnt out", 40.0),
-        ("groups apart", 2),
-        *(
-            pytest.param(kind, strengths[-1], marks=pytest.mark.slow)
-            for kind, (_, strengths) in webcam.EFFECTS.items()
-            if kind not in {"burnt out", "rolling shutter"}  # flashes of 1.4 frames are cut in the middle
-        ),
-    ],
-)
+@pytest.mark.parametrize(("kind", "strength"), [("burnt out", 40.0), ("groups apart", 2), *SLOW_EFFECTS])
 def test_an_answer_is_right_or_doubtful(kind: str, strength: float) -> None:
     effect, seed, groups = (iter, 3, 2) if kind == "groups apart" else (webcam.EFFECTS[kind][0](strength), 1, 1)
     _, confidence, is_right = examine(effect, seed, groups)

@@ -245,105 +245,92 @@ SCALE = 0.4  # size of the pictures, relative to those of the camera
 TRUE_CYCLES = TOGETHER_FROM + 1  # flashes of each robot by the first one together
 
 
-def each(change: Callable[[np.ndarray], np.ndarray]) -> Effect:
-    """Return the effect that changes (rows, columns, 3) levels of each picture, which may leave 0 to 255."""
-
-    def effect(frames: Iterable[Frame]) -> Iterator[Frame]:
-        for frame in frames:
-            yield Frame(frame.time_s, whole(change(frame.picture.astype(np.float32))))
-
-    return effect
+def of_frames(change: Callable[..., Iterator[Frame]]) -> Callable[..., Effect]:
+    """Return what makes an effect of a strength, by a function of frames and the strength."""
+    return lambda *strength: lambda frames: change(frames, *strength)
 
 
-def gain(factor: float) -> Effect:
-    """Return the effect of an exposure that was set in the dark: rings burn out, first to pink and then to white."""
+def of_levels(change: Callable[..., np.ndarray]) -> Callable[..., Effect]:
+    """Return the same by a function of (rows, columns, 3) levels, which may leave 0 to 255."""
 
-    def change(levels: np.ndarray) -> np.ndarray:
-        levels = np.maximum(levels - 6.0, 0)  # noise
-        far = cv2.GaussianBlur(levels, (0, 0), 6.0)
-        return factor * (levels + 0.6 * far + 0.3 * far.mean(axis=2, keepdims=True))
+    def changed(frames: Iterable[Frame], *strength: Any) -> Iterator[Frame]:
+        for time_s, picture in frames:
+            yield Frame(time_s, whole(change(picture.astype(np.float32), *strength)))
 
-    return each(change)
+    return of_frames(changed)
 
 
-def lamp(radius: float, is_square: bool = False, at: tuple[float, float] = (0.5, 0.5)) -> Effect:
-    """Return the effect of a light that always shines; radius: relative to the picture's height."""
-    generator = np.random.default_rng(2)  # a lamp on the mains, or a screen
+@of_levels
+def gain(levels, factor):
+    """Burn out rings, first to pink and then to white, by an exposure that was set in the dark."""
+    levels = np.maximum(levels - 6.0, 0)  # noise
+    far = cv2.GaussianBlur(levels, (0, 0), 6.0)
+    return factor * (levels + 0.6 * far + 0.3 * far.mean(axis=2, keepdims=True))
 
-    def change(levels: np.ndarray) -> np.ndarray:
-        rows, columns = levels.shape[:2]
-        light, size = np.zeros_like(levels), round(radius * rows)
+
+@of_frames
+def lamp(frames, radius, is_square=False, at=(0.5, 0.5)):
+    """Add a light that always shines, a lamp on the mains or a screen; radius: relative to the picture's height."""
+    generator = np.random.default_rng(2)
+    for time_s, picture in frames:
+        rows, columns = picture.shape[:2]
+        light, size = np.zeros(picture.shape, np.float32), round(radius * rows)
         x, y = round(at[0] * columns), round(at[1] * rows)
         if is_square:
             cv2.rectangle(light, (x - size, y - size), (x + size, y + size), (255, 255, 255), -1)
         else:
             cv2.circle(light, (x, y), size, (255, 255, 255), -1)
-        return levels + generator.uniform(0.7, 1.3) * (light + 0.4 * cv2.GaussianBlur(light, (0, 0), 5.0))
-
-    return each(change)
-
-
-def padded(share: float, skew: float = 0.0) -> Effect:
-    """Return the effect of black bars left and right, and of a picture that leans."""
-
-    def change(levels: np.ndarray) -> np.ndarray:
-        rows, columns = levels.shape[:2]
-        lean = np.array([[1, skew, -skew * rows / 2], [0, 1, 0]], np.float64)
-        leant = cv2.warpAffine(levels, lean, (columns, rows), borderMode=cv2.BORDER_REPLICATE)
-        bar = round(share * columns / 2) * 2
-        return np.pad(leant, ((0, 0), (bar, bar), (0, 0)))
-
-    return each(change)
+        added = generator.uniform(0.7, 1.3) * (light + 0.4 * cv2.GaussianBlur(light, (0, 0), 5.0))
+        yield Frame(time_s, whole(picture + added))
 
 
-def automatic_exposure(depth: float) -> Effect:
-    """Return the effect of an exposure that falls with the light of the flashes, by up to a factor of 1 + depth."""
-
-    def effect(frames: Iterable[Frame]) -> Iterator[Frame]:
-        now = 1.0
-        for frame in frames:
-            levels = frame.picture.astype(np.float32)
-            yield Frame(frame.time_s, whole(levels * now))
-            lit = min(1.0, float((levels.max(axis=2) > 60).mean()) / 0.06)
-            now += 0.4 * (1 / (1 + depth * lit) - now)
-
-    return effect
+@of_levels
+def padded(levels, share, skew=0.0):
+    """Add black bars left and right of a picture that leans."""
+    rows, columns = levels.shape[:2]
+    lean = np.array([[1, skew, -skew * rows / 2], [0, 1, 0]], np.float64)
+    leant = cv2.warpAffine(levels, lean, (columns, rows), borderMode=cv2.BORDER_REPLICATE)
+    bar = round(share * columns / 2) * 2
+    return np.pad(leant, ((0, 0), (bar, bar), (0, 0)))
 
 
-def rolling_shutter(share: float) -> Effect:
-    """Return the effect of rows that are exposed one after the other, over a share of the time between frames."""
-
-    def effect(frames: Iterable[Frame]) -> Iterator[Frame]:
-        before = None
-        for frame in frames:
-            picture = frame.picture.copy()
-            if before is not None:
-                picture[: round(share * len(picture))] = before[: round(share * len(picture))]
-            before = frame.picture
-            yield Frame(frame.time_s, picture)
-
-    return effect
+@of_frames
+def automatic_exposure(frames, depth):
+    """Let the exposure fall with the light of the flashes, by up to a factor of 1 + depth."""
+    now = 1.0
+    for time_s, picture in frames:
+        yield Frame(time_s, whole(picture.astype(np.float32) * now))
+        lit = min(1.0, float((picture.max(axis=2) > 60).mean()) / 0.06)
+        now += 0.4 * (1 / (1 + depth * lit) - now)
 
 
-def dropped(share: float) -> Effect:
-    def effect(frames: Iterable[Frame]) -> Iterator[Frame]:
-        generator = np.random.default_rng(1)
-        return (frame for frame in frames if generator.random() >= share)
+@of_frames
+def rolling_shutter(frames, share):
+    """Expose rows one after the other, over a share of the time between frames."""
+    before = None
+    for time_s, picture in frames:
+        rows = 0 if before is None else round(share * len(picture))
+        yield Frame(time_s, picture if before is None else np.vstack([before[:rows], picture[rows:]]))
+        before = picture
 
-    return effect
+
+@of_frames
+def dropped(frames, share):
+    generator = np.random.default_rng(1)
+    return (frame for frame in frames if generator.random() >= share)
 
 
 EFFECTS: dict[str, tuple[Callable[..., Effect], tuple[Any, ...]]] = {
-    "gamma": (lambda power: each(lambda levels: 255 * (levels / 255) ** power), (0.5, 0.7, 1.6, 2.2)),
-    "white balance": (lambda red: each(lambda levels: levels * np.float32([red, 1, 2 - red])), (0.3, 0.6, 1.4)),
+    "gamma": (of_levels(lambda levels, power: 255 * (levels / 255) ** power), (0.5, 0.7, 1.6, 2.2)),
+    "white balance": (of_levels(lambda levels, red: levels * np.float32([red, 1, 2 - red])), (0.3, 0.6, 1.4)),
     "bloom": (
-        lambda share: each(lambda levels: levels + share * cv2.GaussianBlur(levels, (0, 0), 8.0)),
+        of_levels(lambda levels, share: levels + share * cv2.GaussianBlur(levels, (0, 0), 8.0)),
         (0.5, 1.0, 2.0, 4.0),
     ),
     "burnt out": (gain, (3.0, 10.0, 20.0, 40.0)),
-    "noise reduction": (lambda side: each(lambda levels: cv2.medianBlur(levels.astype(np.uint8), side)), (3, 5)),
+    "noise reduction": (of_levels(lambda levels, side: cv2.medianBlur(levels.astype(np.uint8), side)), (3, 5)),
     "compression": (
-        lambda quality: each(lambda levels: sent(levels[..., ::-1].astype(np.uint8), quality)[..., ::-1]),
+        of_levels(lambda levels, quality: sent(levels[..., ::-1].astype(np.uint8), quality)[..., ::-1]),
         (10, 25, 50),
     ),
     "lamp": (lamp, (0.03, 0.06, 0.1, 0.2)),
