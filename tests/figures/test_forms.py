@@ -135,33 +135,20 @@ def test_cells_hold_logarithms_and_what_is_undetermined_is_hatched_without_a_con
     assert is_covered(figure.axes[1], math.log10(0.5), 80)
 
 
-def test_between_two_points_of_a_logarithmic_axis_a_contour_is_where_the_page_has_it() -> None:
+def test_contours_need_three_values_on_both_axes_and_are_where_the_page_has_them_between_points() -> None:
     """Means are 100 V, so that the contour at 10 ^ 2.5 is at V = 10 ^ 0.5 and not halfway from 1 to 10."""
     made = measured({WIDTH: [40, 50, 60], SPEED: [0.1, 1, 10]}, lambda point: ended([100 * point.axes[SPEED]] * 3))
     (panel,) = panels_of(read_maps(made, SPEED, WIDTH))
     (drawn,) = contours(panel)
     edges = {round(float(x), 6) for path in drawn.get_paths() for x, _ in path.vertices}
     assert edges >= {round(level - 2, 6) for level in drawn.levels if 1 < level < 3}
-
-
-def test_contours_need_three_values_on_both_axes() -> None:
     for widths, speeds, expected in (([40, 60, 400], [1, 2, 3], 1), ([40, 60], [1, 2, 3], 0), ([40, 60, 80], [1], 0)):
         (panel,) = panels_of(read_maps(measured({WIDTH: widths, SPEED: speeds}), SPEED, WIDTH))
         assert len(contours(panel)) == expected
         assert panel.get_yscale() == ("log" if 400 in widths else "linear")
 
 
-def test_cells_end_halfway_and_lie_wholly_within_the_panel() -> None:
-    made = measured({WIDTH: [40, 60], SPEED: [0.1, 1, 10]}, lambda _: ended([7]))
-    (panel,) = panels_of(read_maps(made, SPEED, WIDTH))
-    mesh = panel.collections[0].get_coordinates()
-    np.testing.assert_allclose(mesh[0, :, 0], 10 ** np.array([-1.5, -0.5, 0.5, 1.5]))
-    np.testing.assert_allclose(mesh[:, 0, 1], [30, 50, 70])
-    np.testing.assert_allclose(panel.get_xlim(), 10 ** np.array([-1.5, 1.5]))
-    assert panel.get_ylim() == (30, 70)
-
-
-def test_panels_share_their_scales_end_at_the_outermost_points_and_have_one_colour_bar(figure) -> None:
+def test_panels_share_scales_and_a_colour_bar_and_end_at_the_outermost_points_or_with_whole_cells(figure) -> None:
     *panels, bar = figure.axes
     assert [panel.get_title() for panel in panels] == [f"pixels = {n}" for n in PANELS]
     for panel in panels:
@@ -170,6 +157,13 @@ def test_panels_share_their_scales_end_at_the_outermost_points_and_have_one_colo
     assert (bar.get_ylabel(), bar.get_ylim()) == (r"$T_\mathrm{sync}$ (cycles)", (LEVELS[0], LEVELS[-1]))
     assert bar.get_yticks().tolist() == [1, 2, 3]
     assert [label.get_text() for label in bar.get_yticklabels()] == ["10", "100", "1000"]
+    made = measured({WIDTH: [40, 60], SPEED: [0.1, 1, 10]}, lambda _: ended([7]))
+    (panel,) = panels_of(read_maps(made, SPEED, WIDTH))
+    mesh = panel.collections[0].get_coordinates()
+    np.testing.assert_allclose(mesh[0, :, 0], 10 ** np.array([-1.5, -0.5, 0.5, 1.5]))
+    np.testing.assert_allclose(mesh[:, 0, 1], [30, 50, 70])
+    np.testing.assert_allclose(panel.get_xlim(), 10 ** np.array([-1.5, 1.5]))
+    assert panel.get_ylim() == (30, 70)
 
 
 @pytest.mark.parametrize(("count", "width_cm", "shape"), [(1, None, (1, 1)), (3, 8.5, (2, 2)), (5, None, (2, 3))])
@@ -381,16 +375,6 @@ def lines(panel: Axes, label: str) -> list[Line2D]:
     return [line for line in panel.get_lines() if str(line.get_label()).startswith(label)]
 
 
-@pytest.mark.parametrize(("form", "limit"), [(FORM, CENSORED_AT), (OPEN, math.inf)])
-def test_the_estimate_is_that_of_trials_clipped_at_the_censoring_if_there_is_one(form, limit: float) -> None:
-    assert [curve.axes for curve in form.curves] == [{COUNT: count} for count in COUNTS]
-    points = iter(VIOLIN_POINTS)
-    for curve in form.curves:
-        for found, point in zip(np.column_stack([curve.values, curve.intervals]), points, strict=False):
-            clipped = np.minimum(point.times, limit), point.observed & (point.times <= limit)
-            np.testing.assert_equal(found, estimate_weibull_mean(Measured(*clipped, limit, point.seed)).ends)
-
-
 @given(st.lists(st.integers(1, 10**7), min_size=1, max_size=30))
 def test_a_density_spans_its_trials_and_is_1_where_it_is_widest(times: list[int]) -> None:
     heights, widths = density(np.array(times, float), of_logarithms=True)
@@ -463,7 +447,14 @@ def test_titles_labels_the_legend_and_the_caption_name_what_there_is(violin_pane
     assert Violins(axis=SPEED, curves=FORM.curves[1:]).shows == f"{what}; {numbers}"
 
 
-def test_the_csv_has_the_numbers_of_the_violins() -> None:
+def test_estimates_are_those_of_trials_clipped_at_the_censoring_if_there_is_one_also_in_the_csv() -> None:
+    for form, limit in ((FORM, CENSORED_AT), (OPEN, math.inf)):
+        assert [curve.axes for curve in form.curves] == [{COUNT: count} for count in COUNTS]
+        points = iter(VIOLIN_POINTS)
+        for curve in form.curves:
+            for found, point in zip(np.column_stack([curve.values, curve.intervals]), points, strict=False):
+                clipped = np.minimum(point.times, limit), point.observed & (point.times <= limit)
+                np.testing.assert_equal(found, estimate_weibull_mean(Measured(*clipped, limit, point.seed)).ends)
     table = written(FORM.tables[".csv"])
     assert list(table[0]) == [COUNT, SPEED, "trials", "censored", "mean", "weibull_mean", "weibull_low", "weibull_high"]
     expected, estimates = [], np.concatenate([np.column_stack([c.values, c.intervals]) for c in FORM.curves])

@@ -1,7 +1,7 @@
 """Claims about looks and files of figures: colours are told apart by all eyes, words stay words, files are whole."""
 
 import errno
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -68,18 +68,14 @@ def distance(one: str, other: str, vision: str) -> float:
     return float(np.linalg.norm(seen[0] - seen[1]))
 
 
-def test_lines_marks_violins_and_discs_below_white_numbers_have_contrast_with_white() -> None:
+def test_lines_marks_violins_and_discs_have_contrast_with_white_and_all_eyes_tell_curves_and_marks_apart() -> None:
     assert min(map(contrast_with_white, [*COLOURS, GREY, LINE])) >= MIN_CONTRAST
     assert contrast_with_white(VIOLIN) >= 2.5  # as much as the line over it leaves
     assert min(contrast_with_white(to_hex(np.array(below) / 255)) for below in (LIT, DARK, NIGHT)) >= 4.5
-
-
-@pytest.mark.parametrize("vision", VISIONS)
-def test_all_eyes_tell_curves_apart_and_see_what_is_marked_beside_red(vision: str) -> None:
     ring, found = "#dc2828", to_hex(np.array(CYAN) / 255)
     beside_red = (ring, found), (ring, FOUND), (BAR, SYNC), (BAR, MARK)
-    for one, other in (*combinations(COLOURS, 2), *beside_red, (VIOLIN, LINE)):
-        assert distance(one, other, vision) >= MIN_DISTANCE, (one, other)
+    for vision, (one, other) in product(VISIONS, (*combinations(COLOURS, 2), *beside_red, (VIOLIN, LINE))):
+        assert distance(one, other, vision) >= MIN_DISTANCE, (vision, one, other)
 
 
 @given(st.integers(1, len(COLOURS) * len(MARKERS)))
@@ -173,13 +169,19 @@ def saved(tmp_path_factory) -> Path:
     return stem
 
 
-def test_the_pictures_are_whole_and_the_tables_hold_their_rows(saved) -> None:
+def test_the_pictures_are_whole_text_is_text_in_every_format_that_has_any_and_the_tables_hold_their_rows(
+    saved, tmp_path
+) -> None:
     picture = image.imread(saved.with_name("fig.png"))
     assert picture.shape == (450, 600, 4)
     assert picture[..., :3].std() > 0.05
     assert ElementTree.parse(saved.with_name("fig.svg")).getroot().tag == "{http://www.w3.org/2000/svg}svg"
     assert rows(saved.with_name("fig.csv")) == [{"a": "1", "b": "1.5"}]
     assert rows(saved.with_name("fig-more.csv")) == [{"c": "x"}, {"c": "y, z"}]
+    svg, pdf = save_figure(Target(tmp_path / "fig", (".svg", ".pdf")), lambda: draw("some words"))
+    words = [element.text for element in ElementTree.parse(svg).iter("{http://www.w3.org/2000/svg}text")]
+    assert "some words" in words
+    assert b"/CIDFontType2" in pdf.read_bytes()  # TrueType, which programs edit, and not outlines of type 3
 
 
 def test_a_target_is_a_stem_or_one_picture_alone_with_the_tables_beside_it(tmp_path) -> None:
@@ -232,10 +234,3 @@ def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(tm
     with pytest.raises(raised):
         save_figure(Target(tmp_path / "T"), draw, tables())
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {f"T{end}": "older" for end in ENDINGS}
-
-
-def test_text_is_text_in_every_format_that_has_any(tmp_path) -> None:
-    svg, pdf = save_figure(Target(tmp_path / "fig", (".svg", ".pdf")), lambda: draw("some words"))
-    words = [element.text for element in ElementTree.parse(svg).iter("{http://www.w3.org/2000/svg}text")]
-    assert "some words" in words
-    assert b"/CIDFontType2" in pdf.read_bytes()  # TrueType, which programs edit, and not outlines of type 3

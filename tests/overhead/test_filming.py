@@ -303,7 +303,7 @@ def test_vignetting_darkens_the_corners_and_blur_spreads_a_ring_and_keeps_its_li
     assert soft[..., 0].sum(dtype=float) == pytest.approx(sharp[..., 0].sum(dtype=float), rel=0.03)
 
 
-def test_dark_without_a_ring_is_noise_alone_which_has_the_spread_that_is_asked_for() -> None:
+def test_dark_without_a_ring_is_noise_alone_with_the_spread_that_is_asked_for_and_of_the_seed() -> None:
     _, picture = shot((20, 20, 0), lit=False, noise_levels=4)
     above = picture[picture > 0]
     assert len(above) / picture.size == pytest.approx(0.5 - 0.05, abs=0.01)  # what rounds to 0 is 1 in 10
@@ -317,8 +317,6 @@ def test_dark_without_a_ring_is_noise_alone_which_has_the_spread_that_is_asked_f
     assert abs(rest.mean()) < 0.5
     assert (shots[1] - shots[0])[floor].std() == pytest.approx(10 * math.sqrt(2), rel=0.03)
 
-
-def test_same_seed_same_pictures() -> None:
     def render(seed: int) -> list[bytes]:
         _, renderer = make_renderer(seed=seed, width_px=120, height_px=120)
         return [renderer.render(standing((20, 20, 1)), room_is_lit=room).tobytes() for room in (True, False, False)]
@@ -342,7 +340,7 @@ def test_lit_room_shows_each_thing_in_its_grey(exposure_ms: int) -> None:
     assert (picture[0, 0] == render.TABLE).all()
 
 
-def test_bodies_stand_upright_with_marks_that_point_ahead_and_an_inner_one_hides_the_outer_one() -> None:
+def test_bodies_stand_upright_with_marks_that_point_ahead_hide_others_and_are_cut_off_at_the_edge() -> None:
     camera, picture = shot((50, 30, 2.5), room=True, lit=False, distortion=0)
     for ahead, grey in ((2.0, render.HEADING_MARK), (-2.0, render.BODY_TOP)):
         spot = (50 + ahead * math.cos(2.5), 30 + ahead * math.sin(2.5), epuck.HEIGHT_CM)
@@ -359,6 +357,10 @@ def test_bodies_stand_upright_with_marks_that_point_ahead_and_an_inner_one_hides
         assert (picture[pixel_at(camera, 54.8 - 3.5, 30, epuck.HEIGHT_CM)] == render.BODY_TOP).all()
     assert (picture[pixel_at(camera, 119, 39)] == render.FLOOR).all()
     assert (picture[pixel_at(camera, 60, 40, 3)] == render.WALL_FACE).all()
+    inside, narrow = ((30, 30, 0), (15.5, 30, 0)), {"field_of_view_deg": 15, "width_px": 120, "height_px": 120}
+    for room in (False, True):
+        seen = [shot(*inside, *beyond, room=room, **narrow)[1] for beyond in ([(3.7, 3.7, 0)], [])]
+        assert np.array_equal(*seen)
 
 
 def test_a_floor_is_as_grey_as_it_is_bright_and_ambient_light_shows_the_room_as_in_the_light_but_darker() -> None:
@@ -388,13 +390,6 @@ def test_lamps_are_bright_dots_where_the_camera_sees_them_in_the_light() -> None
     assert (grey[pixel_at(camera, 50, 30)] == 255).all()
     assert (grey[pixel_at(camera, 30, 35)] == 255).all()
     assert not shot(arena=arena)[1].any()
-
-
-def test_robots_beyond_the_picture_are_cut_off() -> None:
-    inside, narrow = ((30, 30, 0), (15.5, 30, 0)), {"field_of_view_deg": 15, "width_px": 120, "height_px": 120}
-    for room in (False, True):
-        seen = [shot(*inside, *beyond, room=room, **narrow)[1] for beyond in ([(3.7, 3.7, 0)], [])]
-        assert np.array_equal(*seen)
 
 
 def test_points_shine_at_the_leds_and_not_between() -> None:

@@ -1,5 +1,6 @@
 """Lit rings are found where they are, in the dark and in the light, and nothing else is taken for one."""
 
+import itertools
 import math
 
 import cv2
@@ -90,16 +91,13 @@ def test_finds_chains_honeycombs_and_scattered_rings_in_the_dark_and_in_a_lit_ro
         found(centres, **look)
 
 
-@pytest.mark.parametrize("noise", [0.0, 10.0])
-@pytest.mark.parametrize("room", [False, True])
-def test_finds_nothing_where_nothing_shines(room, noise):
-    picture = picture_of(scattered(8, np.random.default_rng(0)), room=room, lit=False, noise_levels=noise, **SMALL)
-    if room:
-        cv2.circle(picture, (120, 120), 13, (255, 255, 255), 3)  # what is grey is no ring
-    assert rings_in(picture, noise_levels=noise, **SMALL) == []
-
-
-def test_a_lamp_a_disc_with_or_without_a_hole_a_stripe_and_half_a_ring_are_none():
+def test_nothing_a_lamp_a_disc_with_or_without_a_hole_a_stripe_and_half_a_ring_are_none():
+    dark = {"lit": False, **SMALL}
+    for room, noise in itertools.product((False, True), (0.0, 10.0)):
+        picture = picture_of(scattered(8, np.random.default_rng(0)), room=room, noise_levels=noise, **dark)
+        if room:
+            cv2.circle(picture, (120, 120), 13, (255, 255, 255), 3)  # what is grey is no ring
+        assert rings_in(picture, noise_levels=noise, **SMALL) == []
     picture = np.zeros((480, 480, 3), np.uint8)
     cv2.circle(picture, (100, 100), 30, (255, 90, 90), -1)
     cv2.circle(picture, (400, 100), 8, (255, 90, 90), -1)

@@ -144,7 +144,7 @@ def test_a_way_is_straight_or_tells_how_long_its_turn_took_and_none_is_faster_th
     assert far < near - 50
 
 
-def test_cycles_are_learnt() -> None:
+def test_cycles_are_learnt_and_the_commonest_speed_is_that_of_robots_that_do_not_turn() -> None:
     flashes = table(*((5 * k * 0.8, 10 + 0.1 * k, 30, 0.02, 0) for k in range(12)))
     habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
     ways = ways_between(flashes, np.arange(11), np.arange(1, 12), habits)
@@ -152,9 +152,6 @@ def test_cycles_are_learnt() -> None:
     gained = learnt.log_likelihood(ways) - habits.log_likelihood(ways)
     assert (gained > 1).all()
     assert learnt.kinds.sum() == pytest.approx(1)
-
-
-def test_the_commonest_speed_is_that_of_robots_that_do_not_turn() -> None:
     generator = np.random.default_rng(0)
     straight, turning = generator.normal(3, 0.2, 200), generator.uniform(0, 2.5, 150)
     assert commonest_speed(np.concatenate([straight, turning])) == pytest.approx(3, rel=0.02)

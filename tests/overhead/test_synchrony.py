@@ -100,7 +100,7 @@ def test_order_over_time_is_that_of_the_onsets_within_half_a_period(onsets_ms: l
         assert value == pytest.approx(float(order_parameter(near, float(period_ms))), abs=1e-9)
 
 
-def test_synchrony_begins_with_the_first_flash_together_and_robots_are_counted_where_they_are_nearest() -> None:
+def test_synchrony_begins_with_the_first_flash_together_and_order_and_robots_are_of_flashes_together() -> None:
     onsets = np.concatenate([*(np.arange(6) / 6 + cycle for cycle in range(3)), np.full(6, 4.5), np.full(6, 5.5)])
     assert synchrony.whole_periods(onsets, 1.0, (0.0, 6.0), 5).first_in_order_s() == 4.5
     assert synchrony.whole_periods(onsets, 1.0, (0.0, 4.9), 5).first_in_order_s() is None
@@ -113,9 +113,6 @@ def test_synchrony_begins_with_the_first_flash_together_and_robots_are_counted_w
     assert synchrony.whole_periods(onsets_s, 1.0, (0.0, 9.5), 2).robots() == 3
     assert synchrony.whole_periods(onsets_s, 1.0, (0.0, 9.5), 9).robots() == 0
     assert synchrony.whole_periods(np.empty(0), 1.0, (0.0, 9.5), 2).robots() == 0
-
-
-def test_the_order_parameter_at_the_end_is_that_of_the_last_flashes() -> None:
     onsets_s = np.array([1.0, 1.1, 1.2, 2.0, 2.1, 2.2])
     phases = np.array([0.0, 0.1, 0.2])
     assert synchrony.order_at_end(onsets_s, 1.0, 2.3, 3) == pytest.approx(np.abs(np.exp(2j * np.pi * phases).mean()))
@@ -165,13 +162,7 @@ def test_the_period_is_right_to_half_a_percent_whatever_robots_and_frames_do(kin
     assert estimate_period_s(times, counted(onsets, FLASH, times)) == pytest.approx(PERIOD, rel=0.005)
 
 
-def test_a_long_film_shows_the_period_and_no_multiple_of_it_to_a_hundredth_of_a_frame():
-    times = even(300, 15.0)
-    counts = counted(steady(SPREAD, 4.77, 300), FLASH, times)
-    assert estimate_period_s(times, counts) == pytest.approx(4.77, abs=0.01 / 15)
-
-
-def test_flashes_at_random_and_a_film_of_too_few_periods_have_no_period():
+def test_a_long_film_shows_the_period_and_no_multiple_but_flashes_at_random_and_too_few_periods_none():
     times = even(60, 15.4)
     for seed in range(3):
         counts = counted(np.random.default_rng(seed).uniform(-5, 60, 120), FLASH, times)
@@ -180,6 +171,9 @@ def test_flashes_at_random_and_a_film_of_too_few_periods_have_no_period():
         times = even(share * synchrony.MIN_PERIODS * PERIOD, 15.0)
         counts = counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)
         assert (estimate_period_s(times, counts) is not None) == is_enough
+    times = even(300, 15.0)
+    counts = counted(steady(SPREAD, 4.77, 300), FLASH, times)
+    assert estimate_period_s(times, counts) == pytest.approx(4.77, abs=0.01 / 15)
 
 
 @given(st.lists(st.tuples(st.sampled_from([1, 1, 1, 2, 40]), st.integers(0, 3)), max_size=60))

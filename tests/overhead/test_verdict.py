@@ -146,7 +146,7 @@ def test_a_lamp_that_flickers_is_no_robot() -> None:
     assert without_steady((*robots, long, short), times_s, counts, None)[1] == (long,)
 
 
-def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
+def test_order_parameter_decides_when_the_swarm_is_synchronised_and_is_named_if_track_takes_it() -> None:
     times_s = np.arange(300) / RATE
     off_s = np.where(np.arange(11) < 5, 0.05, 0.0)  # first half in step to 0.1 s, then wholly
     offsets = off_s[:, None] * np.array([-1, -1, 1, 1])
@@ -154,6 +154,9 @@ def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
     strict, loose = (analysed(times_s, counts, TrackOptions(period_s=1.0, order_parameter=r)) for r in (0.9999, 0.9))
     assert loose.t_sync_s == pytest.approx(0.55, abs=0.05)
     assert strict.t_sync_s == pytest.approx(5.5, abs=0.1)
+    for phases, is_named in (((0.1, 0.1, 0.1, 0.35), True), ((0.1, 0.35, 0.6, 0.85), False)):
+        onsets = (np.arange(7)[:, None] + np.array(phases)).ravel()
+        assert ("; --order-parameter" in why_never(evidence(onsets))) == is_named
 
 
 def test_a_film_without_light_in_the_dark_is_refused_and_a_trial_of_two_frames_has_few_results() -> None:
@@ -301,12 +304,6 @@ def test_what_does_not_add_up_is_objected(given: Evidence, reason: str) -> None:
     found = objections(given)
     assert len(found) == bool(reason)
     assert all(reason in each for each in found)
-
-
-@pytest.mark.parametrize(("phases", "is_named"), [((0.1, 0.1, 0.1, 0.35), True), ((0.1, 0.35, 0.6, 0.85), False)])
-def test_an_order_parameter_is_named_if_track_takes_it(phases: tuple[float, ...], is_named: bool) -> None:
-    onsets = (np.arange(7)[:, None] + np.array(phases)).ravel()
-    assert ("; --order-parameter" in why_never(evidence(onsets))) == is_named
 
 
 @pytest.mark.parametrize(("moves_cm", "known", "doubted"), [(9, {}, True), (3, {}, False), (9, {"robots": 1}, False)])

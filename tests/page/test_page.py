@@ -184,7 +184,7 @@ def test_firmware_is_refused_by_name(tmp_path: Path) -> None:
         write_page("thesis", tmp_path / "x.html", changes)
 
 
-def test_commands_write_a_page_and_say_where_or_open_it_which_the_next_one_replaces(monkeypatch, tmp_path) -> None:
+def test_commands_write_a_page_and_say_where_or_open_it_and_notebooks_show_it(monkeypatch, tmp_path) -> None:
     path = tmp_path / "x.html"
     result = call("page", "particles", "--set", "agents.count=7", "--to", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
@@ -195,9 +195,6 @@ def test_commands_write_a_page_and_say_where_or_open_it_which_the_next_one_repla
     paths = [Path(call("play", name).stdout.strip()) for name in ("particles", "pair")]
     assert opened == [paths[0].as_uri()] * 2
     assert "epuck-sim page pair" in paths[0].read_text()
-
-
-def test_simulations_show_themselves_as_pages_in_notebooks() -> None:
     for simulation in (ParticleSimulation("particles", seed=5), Simulation("thesis", seed=5)):
         shown = simulation.page()._repr_html_()
         assert shown.startswith("<iframe")
