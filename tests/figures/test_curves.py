@@ -127,7 +127,7 @@ def test_each_curve_is_one_line_of_its_own_look_with_gaps_and_a_label_and_the_ba
     assert "base case" in legend_texts(axes.figure)
 
 
-def test_the_legend_names_every_mark_that_is_drawn_and_no_other() -> None:
+def test_the_legend_names_every_mark_that_is_drawn_and_no_other_and_a_long_one_is_within_the_figure() -> None:
     of_places = [r"local minimum $V_\mathrm{m}$", r"peak $V_\mathrm{p}$"]
     for curve, search, expected in [
         (FALLING, NOTHING, ["95 % interval"]),
@@ -136,9 +136,6 @@ def test_the_legend_names_every_mark_that_is_drawn_and_no_other() -> None:
         (curve_of([3, 2], undetermined=[0, 1]), NOTHING, ["undetermined: too many censored"]),
     ]:
         assert legend_texts(form_of([curve], SPEED, [search]).draw_figure()) == expected
-
-
-def test_a_long_legend_is_within_the_figure_and_not_on_top_of_the_panels() -> None:
     base = {COUPLING: 1, PERIOD: 5, WIDTH: 60}
     each = [base | {[*base][place % 3]: 100 + place} for place in range(20)]
     curves = [curve_of([4, 3, 2], axes=axes) for axes in each]

@@ -112,9 +112,7 @@ def test_a_point_has_a_value_just_if_fewer_than_half_of_its_trials_are_censored(
     assert np.isnan(only.values).any() != is_shown
 
 
-def test_cells_hold_logarithms_and_what_is_undetermined_is_hatched_without_a_contour_and_named_in_a_legend(
-    figure,
-) -> None:
+def test_cells_hold_logarithms_and_undetermined_ones_are_hatched_without_a_contour_and_in_a_legend(figure) -> None:
     for panel, each in zip(figure.axes, MAPS, strict=False):
         cells, *others = panel.collections
         np.testing.assert_allclose(cells.get_array().filled(math.nan).reshape(4, 5), np.log10(each.values))

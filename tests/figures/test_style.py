@@ -207,12 +207,9 @@ def test_the_same_figure_gives_the_same_files_byte_for_byte_and_another_one_othe
 
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_where_one_file_cannot_be_written_none_is_and_nothing_is_drawn(tmp_path, ending: str) -> None:
-    def refuse() -> Figure:
-        raise AssertionError
-
     (tmp_path / f"T{ending}").mkdir()
     with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
-        save_figure(Target(tmp_path / "T"), refuse, tables())
+        save_figure(Target(tmp_path / "T"), pytest.fail, tables())
     assert names(tmp_path) == [f"T{ending}"]
 
 

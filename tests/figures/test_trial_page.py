@@ -96,12 +96,8 @@ def pages(trials) -> dict[str, list[Axes]]:
 def saved(trials, tmp_path_factory) -> Path:
     """Return the stem of the files of a page."""
     stem = tmp_path_factory.mktemp("saved") / "page"
-    saved_page(trials["thesis"], stem, ENDINGS)
+    save_figure(Target(stem, ENDINGS), lambda: draw_page(trials["thesis"]))
     return stem
-
-
-def saved_page(trial: Recorded, stem: Path, formats: tuple[str, ...] = (".svg",)) -> list[Path]:
-    return save_figure(Target(stem, formats), lambda: draw_page(trial))
 
 
 def test_each_flash_is_a_mark_at_its_time_which_all_panels_share_in_the_row_of_its_robot(trials, pages) -> None:
@@ -249,10 +245,10 @@ def test_a_name_is_no_formula_and_a_summary_has_nothing_to_draw(trials, tmp_path
     (title,) = draw_page(trial).texts
     assert title.get_text().startswith(f"{name}, seed 0: ")
     assert not (title.get_parse_math() and is_math_text(title.get_text()))
-    ElementTree.parse(*saved_page(trial, tmp_path / "page"))
-    trial = recorded(tmp_path / "t.rrd", "pair", level=Level.SUMMARY)
+    ElementTree.parse(*save_figure(Target(tmp_path / "page", (".svg",)), lambda: draw_page(trial)))
+    summary = recorded(tmp_path / "t.rrd", "pair", level=Level.SUMMARY)
     with pytest.raises(RecordingError, match=r"mine\.rrd: holds no poses.*--record-level poses or full"):
-        check_drawable(trial, "mine.rrd")
+        check_drawable(summary, "mine.rrd")
 
 
 def test_of_many_marks_the_svg_holds_a_picture(trials, pages, saved, tmp_path, monkeypatch) -> None:

@@ -58,14 +58,10 @@ def shot(
 
 
 @cache
-def empty_arena(**settings: Any) -> tuple[CameraModel, Renderer]:
-    """Return a camera and its renderer, which draws other noise in each picture, for an arena without obstacles."""
-    return make_renderer(EMPTY, **settings)
-
-
-@cache
-def finder_of(**settings: Any) -> RingFinder:
-    return RingFinder(empty_arena(**settings)[0])
+def empty_arena(**settings: Any) -> tuple[RingFinder, Renderer]:
+    """Return what finds rings by a camera, and what draws its pictures, each with other noise, without obstacles."""
+    camera, renderer = make_renderer(EMPTY, **settings)
+    return RingFinder(camera), renderer
 
 
 def picture_of(
@@ -83,7 +79,7 @@ def picture_of(
 def rings_in(picture: Picture, **settings: Any) -> list[Ring]:
     """Return the rings found in a picture by a camera with these settings."""
     levels, room_is_lit = ring_light(picture)
-    return finder_of(**settings).find(levels, room_is_lit=room_is_lit)
+    return empty_arena(**settings)[0].find(levels, room_is_lit=room_is_lit)
 
 
 def touching(count: int, generator: np.random.Generator) -> FloatArray:

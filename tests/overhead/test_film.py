@@ -117,7 +117,6 @@ def test_times_grow_whatever_the_stamps(ticks):
     clock = FilmClock(1 / 15)
     times = [clock.time_s(None if tick is None else Fraction(tick, 90_000)) for tick in ticks]
     kept = [time_s for time_s in times if time_s is not None]
-
     assert kept[:1] in ([], [0.0])
     assert all(before < after for before, after in itertools.pairwise(kept))
     assert all(isinstance(warning, str) for warning in clock.warnings())
@@ -213,7 +212,6 @@ def test_frames_go_on_where_they_were_left_off_are_not_kept_and_must_not_change_
     small = write_film(tmp_path / "small.h264", range(5), kit.BARE)
     large = write_film(tmp_path / "large.h264", range(5), kit.BARE, size=(96, 48))
     (tmp_path / "film.h264").write_bytes(small.read_bytes() + large.read_bytes())
-
     with open_film(str(tmp_path / "film.h264")) as film, pytest.raises(FilmError, match="from 64 x 48 to 96 x 48 px"):
         list(film.frames())
 

@@ -155,7 +155,8 @@ class Reel:
     def __init__(self, frames: Iterable[Frame], end: BaseException | None = None) -> None:
         self.is_open, self.given = False, 0
         self.warnings: list[str] = []
-        self._frames = self._give(frames, end or KeyboardInterrupt())
+        given = self._give(frames, end or KeyboardInterrupt())
+        self.frames = lambda: given
 
     def _give(self, frames: Iterable[Frame], end: BaseException) -> Iterator[Frame]:
         for frame in frames:
@@ -170,9 +171,6 @@ class Reel:
             yield self
         finally:
             self.is_open = False
-
-    def frames(self) -> Iterator[Frame]:
-        return self._frames
 
 
 def watch(camera: Reel, options: TrackOptions, tell: Callable[[str], None] = print, **watching: Any) -> Track:

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -197,10 +198,7 @@ def test_trial_begins_with_the_first_dark_frame_and_ctrl_c_leaves_as_many_counts
         assert found.counts.tolist() == counts[first:]
     counter = process_all([1, 2], [False, False])
 
-    def interrupt(*_: object) -> int:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(LightMeter, "lit_px", interrupt)
+    monkeypatch.setattr(LightMeter, "lit_px", Mock(side_effect=KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
         counter.process(next(coded([1.0], [3], [False])))
     counted = counter.counted()
@@ -234,7 +232,6 @@ def test_tracking_frame_by_frame_agrees_with_analysis_of_whole_films(seed, toget
     track = analyse("film", counter.counted(), options, ())
     assume(not track.steady)  # overlapping flashes may seem to be one ring that stays lit
     last = tracked_frames[-1]
-
     assert len(tracked_frames) == track.frames == len(times_s)
     assert last.start_s == track.start_s
     in_trial = [tracked for tracked in tracked_frames if tracked.frame.time_s >= track.start_s]

@@ -230,17 +230,23 @@ def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: D
 
 
 @needs_browser
-def test_robots_without_oscillators_have_no_cycles_and_a_refused_seed_does_not_stay(opened) -> None:
+def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_refused_do_not_stay(opened) -> None:
     browser = opened("wall")
     assert browser.run("[find('many').hidden, find('counted').hidden]") == [True, True]
     browser.run("page.advance(1e9)")
     assert browser.run("find('banner').textContent").startswith("Ended after ")
     browser.run("find('seed').value = '1x'; find('seed').onchange()")
     assert browser.run("[find('seed').value, find('banner').textContent.slice(0, 18)]") == ["0", "The seed is not 1x"]
+    browser = opened("thesis")
+    browser.run("page.change({'robots.0.count': 50, 'arena.width_cm': 30})")
+    said = browser.run("page.picture(performance.now()), document.getElementById('trouble').textContent")
+    assert "do not fit" in said
+    browser.run("page.change({...page.data.values}), page.advance(1)")
+    assert browser.run("document.getElementById('trouble').hidden")
 
 
 @needs_browser
-def test_a_link_brings_values_and_seed_back_and_robots_that_do_not_fit_are_said(opened) -> None:
+def test_a_link_brings_values_and_seed_back(opened) -> None:
     browser = opened("particles")
     browser.run("page.change({'agents.speed_cm_s': 2, 'neighbourhood.kind': 'range'}); page.take_seed(12n)")
     link, command = browser.run("[location.href, page.command]")
@@ -249,12 +255,6 @@ def test_a_link_brings_values_and_seed_back_and_robots_that_do_not_fit_are_said(
     )
     browser.open(link)
     assert browser.run("[page.command, String(page.seed)]") == [command, "12"]
-    browser = opened("thesis")
-    browser.run("page.change({'robots.0.count': 50, 'arena.width_cm': 30})")
-    said = browser.run("page.picture(performance.now()), document.getElementById('trouble').textContent")
-    assert "do not fit" in said
-    browser.run("page.change({...page.data.values}), page.advance(1)")
-    assert browser.run("document.getElementById('trouble').hidden")
 
 
 @pytest.mark.parametrize(("scenario", "limit"), [("thesis", 12.8), ("kilobots", 1.0)])
