@@ -27,11 +27,8 @@ from tests.cli.films import names
 from tests.figures.drawn import legend_texts
 from tests.runs.made_folders import rows
 
-MIN_CONTRAST = 3.0
-"""Least contrast of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)."""
-
-MIN_DISTANCE = 26.0
-"""Least distance in CIELAB; between neighbours of Okabe and Ito's colours it is 16."""
+MIN_CONTRAST = 3.0  # of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)
+MIN_DISTANCE = 26.0  # in CIELAB; between neighbours of Okabe and Ito's colours it is 16
 
 VISIONS = {
     "normal": np.eye(3),

@@ -14,26 +14,14 @@ from tests.runs.made_folders import COUNT, SPEED, WIDTH, censored, ended, in_mem
 
 SPEEDS = [0.5, 5]
 POINTS = in_memory(sweep({WIDTH: [40, 60], SPEED: SPEEDS}, trials=9), lambda point: weibull(point, 50))
-AGENTS = sweep(
-    {"agents.speed_cm_s": [3, 30]},
-    trials=2,
-    model="particles",
-    agents={"count": 4},
-    start={"phases": "synchronised", "displacement": 0.01},
-    stop={"order_parameter": None, "max_cycles": 5},
-)
+GIVEN = {"start": {"phases": "synchronised", "displacement": 0.01}, "stop": {"order_parameter": None, "max_cycles": 5}}
+AGENTS = sweep({"agents.speed_cm_s": [3, 30]}, trials=2, model="particles", agents={"count": 4}, **GIVEN)
 DISPLACED = in_memory(AGENTS, lambda point: censored(point, 2))
 SIGNED = [point._replace(of="mine", measured=(-1.0,) * 9) for point in POINTS]
 SERIES = [point._replace(of="mine", measured=([1, 2, 3],) * 9) for point in POINTS if point.axes[SPEED] in SPEEDS[:2]]
 
-FORMS = {
-    "curves": (POINTS, 1),
-    "map": (POINTS, 1),
-    "violins": (POINTS, 2),
-    "series": (SERIES, 1),
-    "course": (DISPLACED, 2),
-    "perturbation": (DISPLACED, 2),
-}
+OF_AGENTS = {"course": (DISPLACED, 2), "perturbation": (DISPLACED, 2)}
+FORMS = {"curves": (POINTS, 1), "map": (POINTS, 1), "violins": (POINTS, 2), "series": (SERIES, 1), **OF_AGENTS}
 """Points that each form is drawn of, and the number of its panels."""
 
 

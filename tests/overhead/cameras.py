@@ -20,16 +20,12 @@ from tests.overhead import webcam
 
 CLEAN = {"noise_levels": 0, "vignetting": 0, "bloom": 0, "blur_px": 0}
 """Settings of a camera that is a pinhole with a radial distortion, and no more."""
-
 ARENA = make_arena(60, 60, [(45, 45, 4)], [box_corners(15, 45, 8, 5, 0.4)])
 EMPTY = make_arena(60, 60, [], [])
-
 FLOOR = np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float)
 AT_RINGS = np.array([(x, y, epuck.RING_HEIGHT_CM) for x in (4.0, 30.0, 56.0) for y in (4.0, 30.0, 56.0)])
-
 APART_CM = 2 * epuck.RADIUS_CM
-PARTS = 10
-"""Moments of an exposure."""
+PARTS = 10  # moments of an exposure
 
 
 def camera_of(side_cm: float = 60.0, **settings: Any) -> CameraModel:

@@ -22,12 +22,8 @@ from tests.overhead.cameras import EMPTY, camera_of, make_renderer
 
 PERIOD_S = 1.0
 FLASH_S = 0.1
-TOGETHER_S = 0.5
-"""Time in each period at which all flash, once they flash together."""
-
-PLACES = np.array([(10, 9), (49, 12), (51, 48), (12, 50), (30, 30), (37.4, 30)], float)
-"""The last two touch."""
-
+TOGETHER_S = 0.5  # time in each period at which all flash, once they flash together
+PLACES = np.array([(10, 9), (49, 12), (51, 48), (12, 50), (30, 30), (37.4, 30)], float)  # the last two touch
 SMALL = {"width_px": 240, "height_px": 240, "frames_per_s": 30}
 
 
@@ -156,10 +152,6 @@ def steady(phases_s: np.ndarray, period_s: float, seconds: float) -> np.ndarray:
     return np.asarray(phases_s) + period_s * np.arange(-1, seconds / period_s + 1)[:, None]
 
 
-WITHIN_CM = 1.0
-"""Largest distance of a reported ring from the true one, in cm; robots are at least 7.4 cm apart."""
-
-
 class Score(NamedTuple):
     """How well rings were found, in one frame or in many."""
 
@@ -197,7 +189,7 @@ def compare(reported_cm: FloatArray, lit_cm: FloatArray, flickering_cm: FloatArr
         return Score(missed=len(lit_cm), false=len(reported_cm))
     distances = np.linalg.norm(there[:, None] - reported_cm, axis=2)
     nearest = distances.min(axis=1)
-    is_found = nearest <= WITHIN_CM
+    is_found = nearest <= 1.0  # robots are at least 7.4 cm apart
     matched = len(np.unique(distances.argmin(axis=1)[is_found]))
     return Score(
         found=int(is_found.sum()),

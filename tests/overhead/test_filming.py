@@ -34,8 +34,7 @@ from tests.cli.films import frames_and_description
 from tests.overhead.cameras import ARENA, CLEAN, EMPTY, make_renderer, pixel_at, shot, standing
 from tests.overhead.films import passed, read_rings, score_rows
 
-SEED = 4
-"""With which flashes last two control steps each, and hardly overlap."""
+SEED = 4  # with which flashes last two control steps each, and hardly overlap
 
 
 def load(**changes: Any) -> EmbodiedScenario:
@@ -164,8 +163,7 @@ def test_a_trial_and_its_recording_have_the_same_captions_in_the_light_alone(tmp
 
 STILL = np.array([[30.0, 30.0, 0.0]])
 OFF = np.array([False])
-Spied = list[tuple[list[ExposureSample], bool]]
-"""Samples that were to be rendered, and whether the room was lit."""
+Spied = list[tuple[list[ExposureSample], bool]]  # samples that were to be rendered, and whether the room was lit
 
 
 def shoot(section: OverheadSection, steps: list[tuple[float, FloatArray, list[bool]]]) -> list[Frame]:
@@ -317,12 +315,12 @@ def test_dark_without_a_ring_is_noise_alone_with_the_spread_that_is_asked_for_an
     assert abs(rest.mean()) < 0.5
     assert (shots[1] - shots[0])[floor].std() == pytest.approx(10 * math.sqrt(2), rel=0.03)
 
-    def render(seed: int) -> list[bytes]:
+    def drawn(seed: int) -> list[bytes]:
         _, renderer = make_renderer(seed=seed, width_px=120, height_px=120)
         return [renderer.render(standing((20, 20, 1)), room_is_lit=room).tobytes() for room in (True, False, False)]
 
-    assert render(3) == render(3)
-    assert render(3) != render(4)
+    assert drawn(3) == drawn(3)
+    assert drawn(3) != drawn(4)
 
 
 @pytest.mark.parametrize("exposure_ms", [5, 60])

@@ -29,8 +29,7 @@ from tests.cli.films import frames_and_description
 from tests.overhead.cameras import floor_corners
 from tests.overhead.films import LIT, SMALL, TIMES, even, in_step, make_camera, passed, read_rings, reel, shoot
 
-SIZE = 64, 48
-"""Columns and rows of the pictures that come first."""
+SIZE = 64, 48  # columns and rows of the pictures that come first
 
 
 class Imitation:

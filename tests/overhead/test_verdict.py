@@ -332,8 +332,7 @@ def burnt_out(number: int) -> Evidence:
 
 
 NEARLY = np.sort([*(k + np.array([0.5, 0.5, 0.6, 0.6]) for k in range(7))], axis=None)
-CUT = np.where(np.arange(len(TIMES)) % 3 == 0, 0, evidence().counted.counts)
-"""Counts without each third frame."""
+CUT = np.where(np.arange(len(TIMES)) % 3 == 0, 0, evidence().counted.counts)  # without each third frame
 MISSED = [onset for k, onset in enumerate(ONSETS) if onset > 3 or k % 5]
 SHOWN = evidence(robots=None, period_is_given=False)
 

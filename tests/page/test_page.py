@@ -51,9 +51,6 @@ def opened(browser: Driven, tmp_path: Path) -> Iterator[Callable[..., Driven]]:
     browser.leave()
 
 
-MOST_BYTES = 500_000
-
-
 @pytest.mark.parametrize("model", ["particles", "embodied"])
 def test_the_webassembly_is_made_from_the_kernels_as_they_are_and_asks_for_nothing(model: Any) -> None:
     assert is_fresh(model), f"the kernels of {model} have changed since their WebAssembly was made; {ANEW}"
@@ -99,7 +96,7 @@ def test_comments_and_docstrings_make_no_webassembly_stale_but_code_and_values_d
 def test_a_page_is_one_small_file_that_names_no_other(name: str) -> None:
     page = make_page(load_scenario(name), name)
     assert page == make_page(load_scenario(name), name)
-    assert len(gzip.compress(page.encode())) < MOST_BYTES
+    assert len(gzip.compress(page.encode())) < 500_000
     readable = re.sub(r'<script id="(data|wasm)".*?</script>', "", page, flags=re.DOTALL)
     addresses = set(re.findall(r"(?:https?:)?//[\w.-]+\.\w+[^\s\"']*", readable))
     assert addresses <= {"http://www.w3.org/2000/svg"}
@@ -109,16 +106,14 @@ def test_a_page_is_one_small_file_that_names_no_other(name: str) -> None:
     assert "@" not in re.sub(r"<(style|script).*?</\1>", "", page, flags=re.DOTALL)  # all names are filled in
 
 
+WAITING = ["measures=[order_parameter]", "stop={when: order_parameter > 0.9, order_parameter: null}"]
 REFUSED = {
     "sweep": ("fig-4-2a", []),
     "agents.count": ("particles", ["agents.count=5000"]),
     "agents.speed_distribution": ("particles", ["agents.speed_distribution=exponential"]),
     "clocks.jitter": ("particles", ["clocks.jitter=0.1"]),
     "start.like": ("particles", ["agents.count=10", "space.side_cm=60", "start={like: thesis}"]),
-    "stop.when": (
-        "particles",
-        ["measures=[order_parameter]", "stop={when: order_parameter > 0.9, order_parameter: null}"],
-    ),
+    "stop.when": ("particles", WAITING),
     "schedule": ("particles", ["schedule=[{at_s: 3, set: {agents.speed_cm_s: 2}}]"]),
     "robots": ("thesis", ["robots.0.count=300", "arena={width_cm: 500, height_cm: 500}"]),
     "robots.controller": ("thesis", ["robots.0.controller=external", "robots.0.parameters={}"]),
@@ -143,7 +138,6 @@ READINGS = {{"{0}": float}}
 def sense(world, robot, readings, parameters, random):
     readings.{0} = 1.0
 """
-GROUPS = "robots=[{count: 4}, {count: 3, controller: mine.py, sensors: [near.py, far.py]}]"
 
 
 def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(tmp_path: Path, monkeypatch) -> None:
@@ -153,7 +147,8 @@ def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(tmp_pa
     Path("curve.py").write_text(CURVE.format("coupling * phase"))
     for name in ("near", "far"):
         Path(f"{name}.py").write_text(SENSOR.format(name))
-    scenario = load_scenario("thesis", [GROUPS])
+    groups = "robots=[{count: 4}, {count: 3, controller: mine.py, sensors: [near.py, far.py]}]"
+    scenario = load_scenario("thesis", [groups])
     roots = {name: kernel.function.__globals__ for name, (kernel, _) in own.own_roots(scenario).items()}
     assert roots.keys() == {"run_group_1", "sense_0", "sense_1"}
     assert [roots[f"sense_{number}"]["READINGS"].names for number in range(2)] == [("near",), ("far",)]
@@ -282,6 +277,9 @@ def test_a_push_and_a_drag_change_the_swarm(opened) -> None:
         assert browser.run("page.is_touched")
 
 
+WALK = "agents.walk={kind: levy, run_s: 0.5, exponent: 2}"
+PLACES = "start={positions_cm: [[10, 20], [30, 40]], headings: [[1, 0], [0, 2]], phases: [0.2, 0.9]}"
+CAMERA = "robots.0.camera={frames_per_s: 8, latency_ms: 50, reflection_range_cm: 100}"
 CASES: dict[str, tuple[str, list[str], int]] = {
     # name: scenario, changes, trials
     "agents": ("particles", [], 40),
@@ -292,36 +290,21 @@ CASES: dict[str, tuple[str, list[str], int]] = {
     "all agents": ("particles", ["neighbourhood={kind: all}", "space.boundary=mirrored"], 20),
     "agents in space": ("particles", ["space={dimensions: 3, boundary: cyclic}", "neighbourhood.k=3"], 20),
     "agents on a line": ("particles", ["space.dimensions=1", "stop.max_cycles=100"], 20),
-    "agents that walk": (
-        "particles",
-        ["agents.walk={kind: levy, run_s: 0.5, exponent: 2}", "agents.reorient_on=[arriving]"],
-        20,
-    ),
+    "agents that walk": ("particles", [WALK, "agents.reorient_on=[arriving]"], 20),
     "agents that turn a little": ("particles", ["agents.walk={kind: correlated, run_s: 0.3, persistence: 0.6}"], 20),
     "many agents": ("particles", ["agents.count=500", "neighbourhood.k=5", "stop.max_cycles=12"], 3),
     "agents by the clock": ("particles", ["stop.max_time_s=7.35"], 20),
     "agents with a sine": ("particles", ["response={curve: sine, coupling: 0.3}", "stop.max_cycles=60"], 10),
     "agents with a concave state": ("particles", ["response.curve=mirollo_strogatz", "response.refractory=0.1"], 10),
     "agents that start together": ("particles", ["start={phases: synchronised, displacement: 0.3}"], 20),
-    "agents with places": (
-        "particles",
-        [
-            "agents.count=2",
-            "start={positions_cm: [[10, 20], [30, 40]], headings: [[1, 0], [0, 2]], phases: [0.2, 0.9]}",
-        ],
-        5,
-    ),
+    "agents with places": ("particles", ["agents.count=2", PLACES], 5),
     "robots": ("thesis", ["stop.max_cycles=20"], 20),
     "robots that differ": ("physical", [], 2),
     "robots that touch": ("crowded", ["stop.max_cycles=12"], 2),
     "robots among obstacles": ("obstacles", [], 4),
     "robots with radios": ("kilobots", ["stop.max_cycles=20"], 3),
     "robots with cones": ("thesis", ["robots.0.signal={kind: cone, angle_deg: 120}"], 4),
-    "robots with mirrors and slow cameras": (
-        "thesis",
-        ["robots.0.camera={frames_per_s: 8, latency_ms: 50, reflection_range_cm: 100}", "spread.clock_rate=0.02"],
-        4,
-    ),
+    "robots with mirrors and slow cameras": ("thesis", [CAMERA, "spread.clock_rate=0.02"], 4),
     "robots with friction": ("thesis", ["contact={friction: 0.4}", "robots.0.count=20", "stop.max_cycles=12"], 2),
     "robots that pass through each other": ("thesis", ["contact.robots=false", "stop.max_time_s=60"], 3),
     "no oscillators": ("wall", [], 2),
