@@ -36,7 +36,8 @@ def test_robots_lie_where_they_are_with_y_upwards() -> None:
     found = [[each.find("circle").get(key) for key in ("cx", "cy", "fill")] for each in (first, second)]
     assert found == [["10", "10", LIT], ["50", "35", DARK]]
     assert [each.find("text").text for each in (first, second)] == ["0", "1"]
-    assert (second.find("line").get("x2"), second.find("line").get("y2")) == ("50", "31.3")
+    fronts = [(each.find("line").get("x2"), each.find("line").get("y2")) for each in (first, second)]
+    assert fronts == [("13.7", "10"), ("50", "31.3")]
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
