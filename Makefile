@@ -61,9 +61,8 @@ slow: $(VENV)/test-tools ## the science that takes minutes
 	$(BIN)/python -m pytest -m slow
 
 torture: $(VENV)/test-tools ## every command that writes, with kills and full disks, flipped bytes, far-fetched input, stand-ins for SLURM; bounded by timeout
-	TORTURE=25 timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -rP -n 2 tests/sweep/test_torture.py tests/runs/test_checksums.py \
-	    tests/runs/test_durable.py tests/runs/test_merge.py \
-	    tests/cli/test_controllers.py tests/cli/test_interrupt.py tests/util/test_machine.py \
+	TORTURE=25 timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -rP -n 2 tests/sweep/test_torture.py tests/runs/test_folder.py \
+	    tests/runs/test_merge.py tests/cli/test_controllers.py tests/cli/test_interrupt.py tests/util/test_machine.py \
 	    tests/recording/test_rrd_file.py tests/overhead/test_film.py tests/sweep/test_run.py
 
 trials: $(VENV)/installed ## make the tables of trials anew, on which claims and figures rest; days, but it can be stopped and goes on

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 
+from epuck_sim.errors import StoreError
 from epuck_sim.runs.database import sign
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import PointTrials
@@ -20,6 +22,8 @@ from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions
+from tests.cli.commands import contents
+from tests.control.bench import with_step
 
 SPEED, COUPLING, PERIOD = (f"robots.0.parameters.{name}" for name in ("speed_cm_s", "coupling", "period_s"))
 WIDTH, HEIGHT, COUNT = "arena.width_cm", "arena.height_cm", "robots.0.count"
@@ -178,3 +182,60 @@ def edit(folder: Path, statement: str, *values: Any) -> None:
         connection.execute(statement, values)
         for table in ("points", "trials"):
             sign(connection, table)
+
+
+# Folders in which nobody looks at what became of trials
+
+CONTROLLER = "robots.0.controller"
+
+FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
+"""Names of the files in a run folder without users' files."""
+
+MINE = with_step("actuators.left_cm_s = parameters.pace", PARAMETERS='{"pace": 2.0, "loud": True}')
+
+
+def scenario_of(sweep: dict | None, **changes) -> Scenario:
+    return load_scenario({"name": "demo", "trials": 3, "sweep": sweep, **changes})
+
+
+DEMO = scenario_of({"grid": {COUNT: [2, 3], SPEED: [1, 0.5]}})
+
+
+def fill(folder: Path, scenario: Scenario = DEMO, **changes) -> tuple[Point, ...]:
+    """Have every trial of a sweep stored in the folder; return its points."""
+    found = points(scenario)
+    with Store(folder, scenario, found) as store:
+        for point in found:
+            store.add([outcome(point, trial, **changes) for trial in range(scenario.trials)])
+    return found
+
+
+def put(folder: Path, *trials: tuple[Any, ...], scenario: Scenario = DEMO) -> tuple[Point, ...]:
+    """Store trials, each given by its point's number, its own, and changes of its outcome; return the points."""
+    found = points(scenario)
+    with Store(folder, scenario, found) as store:
+        store.add([outcome(found[point], trial, **dict(*changes)) for point, trial, *changes in trials])
+    return found
+
+
+def stored(folder: Path) -> list[dict]:
+    """Return every row of the trials, in order of point and trial, of a database that is whole."""
+    with closing(sqlite3.connect(folder / DATABASE)) as connection:
+        connection.row_factory = sqlite3.Row
+        assert connection.execute("PRAGMA integrity_check").fetchall()[0][0] == "ok"
+        assert connection.execute("PRAGMA foreign_key_check").fetchall() == []
+        query = "SELECT number, trials.* FROM trials JOIN points ON point = key ORDER BY number, trial"
+        rows = [dict(row) for row in connection.execute(query)]
+        assert len(rows) == connection.execute("SELECT count(*) FROM trials").fetchone()[0]
+    return rows
+
+
+def refusal(folder: Path, scenario: Scenario) -> str:
+    """Return the message of the StoreError with which the folder is refused, nothing in it being touched."""
+    before = contents(folder)
+    with pytest.raises(StoreError) as caught, Store(folder, scenario, points(scenario)):
+        pass
+    after = contents(folder)
+    assert {name: after.get(name) for name in before} == before
+    assert str(caught.value).startswith(f"{folder}: ")
+    return str(caught.value)

@@ -1,24 +1,38 @@
-"""What run folders keep of measures: values to the bit, and never those of two different measures."""
+"""Measures of sweeps: values to the bit however they are run, never those of two, and some that are added later."""
 
 import json
+import tempfile
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from epuck_sim.errors import StoreError
+from epuck_sim.runs.database import reading
 from epuck_sim.runs.export import export
-from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.store import Store
+from epuck_sim.runs.reader import read_points, read_status
+from epuck_sim.runs.store import difference
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
+from epuck_sim.sweep.run import run_sweep
+from epuck_sim.trial.model import run_trial, simulate
+from epuck_sim.trial.result import TrialResult
+from tests.cli.commands import call, called
 from tests.measures.files import COUNTER, write
-from tests.runs.made_folders import rows
-from tests.runs.test_store import outcome
+from tests.runs.made_folders import edit, put, refusal, rows, stored
+from tests.sweep.pool_here import pool_here
+from tests.sweep.short_sweeps import Stopped, agents_sweep, stopper, table
 
-VALUES = [1 / 3, None, 2.0]
-SERIES = [[0.1, None, 1 / 3], [], [1, 0.25]]
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
+OTHERS = """
+def course(simulation): return []
+def settled(simulation): return bool(simulation.positions()[0, 0] > 50)
+"""
 
 
 @pytest.fixture
@@ -26,20 +40,26 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory) -> Path:
+    return write(tmp_path_factory.mktemp("measures") / "mine.py", COUNTER + OTHERS)
+
+
 @pytest.fixture
-def mine(tmp_path: Path) -> Path:
-    return write(tmp_path / "mine.py", COUNTER + "\ndef course(simulation): return []\n")
+def counter(mine) -> str:
+    return f"{mine}:Counter"
 
 
-def scenario(*measures, **changes):
-    return load_scenario({"name": "demo", "trials": 3, "measures": list(measures), **changes})
+def scenario(*measures):
+    return load_scenario({"name": "demo", "trials": 3, "measures": list(measures)})
 
 
 def fill(folder: Path, loaded, values: list[dict]) -> None:
-    found = points(loaded)
-    with Store(folder, loaded, found) as store:
-        for trial, measures in enumerate(values):
-            store.add([outcome(found[0], trial, measures=measures)])
+    put(folder, *((0, trial, {"measures": measures}) for trial, measures in enumerate(values)), scenario=loaded)
+
+
+VALUES = [1 / 3, None, 2.0]
+SERIES = [[0.1, None, 1 / 3], [], [1, 0.25]]
 
 
 def test_values_come_back_to_the_bit_and_are_columns_of_numbers_and_lists_in_exported_tables(folder, mine, tmp_path):
@@ -73,26 +93,168 @@ def test_values_come_back_to_the_bit_and_are_columns_of_numbers_and_lists_in_exp
         ([[True], None], pa.list_(pa.bool_())),
     ],
 )
-def test_a_column_has_the_kind_of_its_values(values, kind, folder, mine, tmp_path):
-    fill(folder, scenario(f"{mine}:Counter"), [{"Counter": value} for value in values])
+def test_a_column_has_the_kind_of_its_values(values, kind, folder, counter, tmp_path):
+    fill(folder, scenario(counter), [{"Counter": value} for value in values])
     export(folder, tmp_path / "t.parquet")
     column = pq.read_table(tmp_path / "t.parquet")["measures.Counter"]
     assert (column.type, column.to_pylist()) == (kind, values)
 
 
-def refused(folder: Path, loaded) -> str:
-    with pytest.raises(StoreError) as caught:
-        fill(folder, loaded, [])
-    return str(caught.value)
-
-
-def test_a_folder_is_refused_to_other_measures(folder, mine):
-    fill(folder, scenario({f"{mine}:Counter": {"offset": 1}}), [{"Counter": 1.0}])
-    fill(folder, scenario({f"{mine}:Counter": {"offset": 1}}), [])
-    other = refused(folder, scenario({f"{mine}:Counter": {"offset": 2}}))
+def test_a_folder_is_refused_to_other_measures(folder, mine, tmp_path):
+    own = write(tmp_path / "mine.py", mine.read_text())
+    counting, otherwise = (scenario({f"{own}:Counter": {"offset": offset}}) for offset in (1, 2))
+    fill(folder, counting, [{"Counter": 1.0}])
+    fill(folder, counting, [])
+    other = refusal(folder, otherwise)
     assert "another measure Counter; give another folder: offset: 1 in the folder, 2 now" in other
-    assert "holds results of the measure Counter, which is lacking now" in refused(folder, scenario())
-    write(mine, mine.read_text() + "\n# edited\n")
-    edited = refused(folder, scenario({f"{mine}:Counter": {"offset": 1}}))
+    assert "holds results of the measure Counter, which is lacking now" in refusal(folder, scenario())
+    write(own, mine.read_text() + "\n# edited\n")
+    edited = refusal(folder, scenario({f"{own}:Counter": {"offset": 1}}))
     assert "another measure Counter; give another folder: measure: 'mine.py:Counter with digest " in edited
     assert [point.measured for point in read_points(folder, "Counter")] == [(1.0,)]
+
+
+# Measures that are added: stored trials are simulated again for them, and must be the same
+
+
+def run(folder, *measures):
+    return run_sweep(agents_sweep(measures), folder, pool_here)
+
+
+def everything(folder):
+    return [{**row, "wall_s": None, "checksum": None} for row in stored(folder)]
+
+
+def test_a_run_that_was_stopped_goes_on(folder, counter):
+    run(folder, "near_walls")
+    with pytest.raises(Stopped):
+        run_sweep(agents_sweep(["near_walls", counter]), folder, pool_here, stopper(1))
+    status = read_status(folder)
+    assert (status.stored, status.unmeasured, status.failed) == (6, 5, [])
+    assert "5 of these results lack measures that were added" in called("status", folder)
+    assert sorted(point.measured.count(None) for point in read_points(folder, "Counter")) == [2, 3]
+    progress = run(folder, "near_walls", counter)
+    assert (progress.ended, progress.stored, read_status(folder).unmeasured) == (5, 6, 0)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "said"),
+    [
+        ("cycles", 5, "cycles is 5 in the folder, 6 now"),
+        ("order_parameter", 0.5, "order_parameter is 0.5 in the folder, 0."),
+        ("measured", '{"near_walls": 0.123}', "near_walls is 0.123 in the folder, "),
+    ],
+)
+def test_a_trial_that_is_no_longer_the_same_is_reported_and_stays_as_it_is(folder, counter, column, value, said):
+    run(folder, "near_walls")
+    edit(folder, f"UPDATE trials SET {column} = ? WHERE trial = 1", value)
+    before = everything(folder)
+    progress = run(folder, "near_walls", counter)
+    assert (progress.stored, progress.failed) == (4, 2)
+    status = read_status(folder)
+    assert (status.stored, status.unmeasured) == (6, 2)
+    assert [(failure.point, failure.trial) for failure in status.failed] == [(0, 1), (1, 1)]
+    assert all(said in failure.error for failure in status.failed)
+    kept = [row for row in everything(folder) if row["trial"] == 1]
+    assert [{**row, "measuring_error": None} for row in kept] == [row for row in before if row["trial"] == 1]
+    assert [point.measured for point in read_points(folder, "Counter")] == [(6.0, None, 6.0)] * 2
+    result = call("run", folder)
+    assert result.exit_code == 1
+    assert "2 trials failed; run again to retry them" in result.stderr
+
+
+def test_a_trial_is_the_same_only_to_the_bit():
+    result = TrialResult("demo", 1, 4, False, 4, 0.5, 80, 4.0, 0.1, {"a": 1, "b": 2.0})
+    stored = {**result._asdict(), "measured": '{"a": 1}', "events": None}
+    for changes, differs in [
+        ({}, False),
+        ({"measured": None}, False),
+        ({"measured": '{"a": 1.0}'}, True),
+        ({"measured": '{"a": true}'}, True),
+        ({"measured": '{"b": 2.0}'}, False),
+        ({"order_parameter": 0.5000000000000001}, True),
+        ({"t_sync_cycles": None}, True),
+        ({"simulated_s": 4.000000000000001}, True),
+        ({"steps": 81}, True),
+        ({"events": "[]"}, True),
+        ({"cycles": 5}, True),
+    ]:
+        assert (difference({**stored, **changes}, result) is not None) == differs
+
+
+@pytest.mark.parametrize("mended", [True, False], ids=["mended", "left out"])
+def test_a_measure_that_gave_no_value_may_be_mended_or_left_out(folder, tmp_path, mended):
+    run(folder, "near_walls")
+    before = everything(folder)
+    broken = str(write(tmp_path / "broken.py", "def half(simulation):\n    return 1 / 0\n"))
+    assert run(folder, "near_walls", broken).failed == 6
+    assert len(read_status(folder).failed) == 6
+    write(tmp_path / "broken.py", "def half(simulation):\n    return 0.5\n")
+    progress = run(folder, "near_walls", *[broken] * mended)
+    assert (progress.stored, progress.failed, read_status(folder).failed) == (6, 0, [])
+    if mended:
+        assert [point.measured for point in read_points(folder, "half")] == [(0.5,) * 3] * 2
+    else:
+        assert everything(folder) == before
+
+
+def content(folder):
+    with reading(folder) as connection:
+        measures = connection.execute("SELECT key, measures FROM points ORDER BY key").fetchall()
+    return table(folder), measures
+
+
+@settings(max_examples=5, deadline=None)
+@given(
+    trials=st.lists(st.integers(1, 3), max_size=4),
+    counts=st.lists(st.integers(0, 4), min_size=4, max_size=4),
+    stops=st.lists(st.integers(1, 6), min_size=4, max_size=4),
+)
+def test_measures_are_the_same_whatever_was_added_when_and_however_often_a_run_was_stopped(mine, trials, counts, stops):
+    measures = ["order_parameter", "near_walls", f"{mine}:Counter", f"{mine}:settled"]
+    sweep = partial(agents_sweep, stop={"when": "order_parameter > 0.6", "max_cycles": 5})
+    with tempfile.TemporaryDirectory() as place:
+        folder, anew = Path(place) / "folder", Path(place) / "anew"
+        for number, count, after in zip(sorted(trials), sorted(counts), stops, strict=False):
+            with suppress(Stopped):
+                run_sweep(sweep(measures[:count], number), folder, pool_here, stopper(after))
+        for each in (folder, anew):
+            run_sweep(sweep(measures, 3), each, pool_here)
+        assert content(folder) == content(anew)
+        of_folder = (read_points(folder, name) for name in ("order_parameter", "settled"))
+        for point, *stored in zip(points(sweep(measures, 3)), *of_folder, strict=True):
+            again = [run_trial(simulate(point.scenario, point.seed(trial))).measures for trial in range(3)]
+            for each in stored:
+                assert each.measured == tuple(measures[each.of] for measures in again)
+
+
+RAISING = """
+class Mine:
+    def __init__(self, simulation):
+        self.fails = simulation.scenario.agents.count == 5
+
+    def cycle(self, event, state):
+        pass
+
+    def value(self):
+        return {} if self.fails else 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [("1 / 0", ":10: ZeroDivisionError"), ("'text'", "its value is 'text', a str; ")]
+)
+@pytest.mark.parametrize("was_added", [False, True])
+def test_a_measure_that_fails_costs_its_trials_alone(value, said, was_added, folder, tmp_path):
+    path = write(tmp_path / "mine.py", RAISING.format(value))
+    when = "order_parameter > 1" if was_added else "Mine > 1"  # measures end trials, too
+    sweep = partial(agents_sweep, trials=2, stop={"when": when, "max_cycles": 3})
+    if was_added:
+        run_sweep(sweep(["order_parameter"]), folder, pool_here)
+    progress = run_sweep(sweep(["order_parameter", str(path)]), folder, pool_here)
+    assert (progress.stored, progress.failed) == (2, 2)
+    status = read_status(folder)
+    assert (status.stored, status.unmeasured) == ((4, 2) if was_added else (2, 0))
+    assert [(failure.point, said in failure.error) for failure in status.failed] == [(0, True)] * 2
+    assert [point.measured.count(1) for point in read_points(folder, "Mine")] == [0, 2]
+    assert json.loads(json.dumps(status._asdict()))["unmeasured"] == status.unmeasured

@@ -18,8 +18,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.run import run_sweep
 from tests.cli.commands import called, contents
-from tests.runs.made_folders import edit
-from tests.runs.test_store import CONTROLLER, COUNT, DATABASE, DEMO, MINE, fill, outcome, scenario_of, stored
+from tests.runs.made_folders import CONTROLLER, COUNT, DATABASE, DEMO, MINE, edit, fill, outcome, scenario_of, stored
 from tests.sweep.pool_here import pool_here
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")

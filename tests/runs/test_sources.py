@@ -15,7 +15,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from tests.cli.commands import call, refused
 from tests.control.bench import write_soon_after
-from tests.runs.test_store import COUNT, MINE, fill, scenario_of, stored
+from tests.runs.made_folders import COUNT, MINE, fill, scenario_of, stored
 
 MEASURE = "def coverage(simulation):\n    return 1.0\n"
 

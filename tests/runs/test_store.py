@@ -1,8 +1,10 @@
 """A run folder: what it holds, takes in and refuses, and that nothing of it is ever lost or half-written."""
 
+import json
 import math
 import os
 import random
+import re
 import resource
 import shutil
 import sqlite3
@@ -14,69 +16,39 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, stored_point
 from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
 from epuck_sim.runs.folder import DATABASE, current_holder
 from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import Point, points
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
 from tests.control.bench import with_step
-from tests.runs.made_folders import COUNT, SPEED, outcome
-
-CONTROLLER = "robots.0.controller"
-
-FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
-"""Names of the files in a run folder without users' files."""
-
-MINE = with_step("actuators.left_cm_s = parameters.pace", PARAMETERS='{"pace": 2.0, "loud": True}')
-
-
-def scenario_of(sweep: dict | None, **changes) -> Scenario:
-    return load_scenario({"name": "demo", "trials": 3, "sweep": sweep, **changes})
-
-
-DEMO_SWEEP = {"grid": {COUNT: [2, 3], SPEED: [1, 0.5]}}
-DEMO = scenario_of(DEMO_SWEEP)
-
-
-def fill(folder: Path, scenario: Scenario = DEMO, **changes) -> tuple[Point, ...]:
-    """Have every trial of a sweep stored in the folder; return its points."""
-    found = points(scenario)
-    with Store(folder, scenario, found) as store:
-        for point in found:
-            store.add([outcome(point, trial, **changes) for trial in range(scenario.trials)])
-    return found
-
-
-def put(folder: Path, *trials: tuple[Any, ...], scenario: Scenario = DEMO) -> tuple[Point, ...]:
-    """Store trials, each given by its point's number, its own, and changes of its outcome; return the points."""
-    found = points(scenario)
-    with Store(folder, scenario, found) as store:
-        store.add([outcome(found[point], trial, **dict(*changes)) for point, trial, *changes in trials])
-    return found
-
-
-def stored(folder: Path) -> list[dict]:
-    """Return every row of the trials, in order of point and trial, of a database that is whole."""
-    with closing(sqlite3.connect(folder / DATABASE)) as connection:
-        connection.row_factory = sqlite3.Row
-        assert connection.execute("PRAGMA integrity_check").fetchall()[0][0] == "ok"
-        assert connection.execute("PRAGMA foreign_key_check").fetchall() == []
-        query = "SELECT number, trials.* FROM trials JOIN points ON point = key ORDER BY number, trial"
-        rows = [dict(row) for row in connection.execute(query)]
-        assert len(rows) == connection.execute("SELECT count(*) FROM trials").fetchone()[0]
-    return rows
-
+from tests.runs.made_folders import (
+    COUNT,
+    DATABASE,
+    DEMO,
+    FILES,
+    MINE,
+    SPEED,
+    fill,
+    outcome,
+    put,
+    refusal,
+    scenario_of,
+    stored,
+)
+from tests.tools import needs_compiler
 
 OF_ROBOTS = [f"robots.0.parameters.{name}" for name in ("speed_cm_s", "period_s", "coupling", "refractory_fraction")]
 
@@ -220,22 +192,11 @@ def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path
     assert set(contents(tmp_path)) == FILES
 
 
-def refused(folder: Path, scenario: Scenario) -> str:
-    """Return the message of the StoreError with which the folder is refused, nothing in it being touched."""
-    before = contents(folder)
-    with pytest.raises(StoreError) as caught, Store(folder, scenario, points(scenario)):
-        pass
-    after = contents(folder)
-    assert {name: after.get(name) for name in before} == before
-    assert str(caught.value).startswith(f"{folder}: ")
-    return str(caught.value)
-
-
 def test_of_many_differences_from_another_scenario_the_first_eight_are_said(tmp_path) -> None:
     fill(tmp_path)
     stop = "stop={order_parameter: 0.9, max_cycles: 9, max_time_s: 9}"
     changes = ["arena={width_cm: 70, height_cm: 70}", "noise=off", "contact.friction=1", "seed=1", stop]
-    first, *differences = refused(tmp_path, load_scenario(DEMO, changes)).splitlines()
+    first, *differences = refusal(tmp_path, load_scenario(DEMO, changes)).splitlines()
     assert first == f"{tmp_path}: holds results of another scenario; give another folder:"
     assert (len(differences), differences[-1]) == (9, "  ...")
     assert len(stored(tmp_path)) == 12
@@ -263,7 +224,7 @@ def test_a_lock_ends_with_the_process_that_held_it_even_where_it_was_killed(tmp_
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout.readline() == b"locked\n"
         name = f"process {process.pid} on {host()}"
-        assert f"{name} is at work on it" in refused(tmp_path, DEMO)
+        assert f"{name} is at work on it" in refusal(tmp_path, DEMO)
         assert current_holder(tmp_path) == name
         process.kill()
     assert (tmp_path / ".lock-holder").read_text() == name
@@ -282,7 +243,7 @@ def test_the_folder_is_free_again_after_the_end_and_after_an_error(tmp_path) -> 
         1 / 0  # noqa: B018
     assert current_holder(tmp_path) is None
     fill(tmp_path)
-    refused(tmp_path, load_scenario(DEMO, ["trials=3", "seed=1"]))
+    refusal(tmp_path, load_scenario(DEMO, ["trials=3", "seed=1"]))
     assert current_holder(tmp_path) is None
 
 
@@ -382,9 +343,9 @@ def test_a_database_that_is_not_ours_or_is_damaged_is_refused_by_all_and_untouch
 
 
 @pytest.mark.parametrize("name", ["thesis.pdf", "scenario.yaml", "results.sqlite-wal"])
-def test_a_folder_with_other_files_is_refused(tmp_path, name: str) -> None:
+def test_a_folder_with_other_files_is_refusal(tmp_path, name: str) -> None:
     (tmp_path / name).write_text("mine")
-    message = refused(tmp_path, DEMO)
+    message = refusal(tmp_path, DEMO)
     assert f"is not a run folder: it holds {name!r} but no {DATABASE}; give a new or empty one" in message
     assert set(contents(tmp_path)) == {name}
 
@@ -420,3 +381,94 @@ def test_where_a_write_fails_in_mid_run_what_is_stored_stays_whole(tmp_path) -> 
         assert len(set(store.finished())) == 5
         store.add([outcome(found[1], 6)])
     assert [row["trial"] for row in stored(tmp_path)] == [0, 1, 2, 3, 4, 6]
+
+
+FOLDER = Path("runs/old")
+
+
+def described(*settings: str, scenario: str = "thesis") -> StoredPoint:
+    return stored_point(points(load_scenario(scenario, settings))[0])._replace(trials=1)
+
+
+def without(point: StoredPoint, *keys: str) -> StoredPoint:
+    """Return a stored point as it was before there were these dotted keys."""
+    scenario = json.loads(point.scenario)
+    for key in keys:
+        *path, last = key.split(".")
+        section = scenario
+        for part in path:
+            section = section[int(part) if part.isdigit() else part]
+        del section[last]
+    return point._replace(scenario=json.dumps(scenario))
+
+
+NEW = ("spread", "stuck", "stop.further_cycles", "robots.0.camera.frames_per_s", "robots.0.camera.latency_ms")
+
+
+def test_a_folder_that_lacks_newer_keys_belongs_to_the_scenario_with_their_defaults():
+    old = without(described(), *NEW, "overhead")
+    check_same_sweep(FOLDER, [old], [described()])
+
+
+def test_a_folder_of_particles_does_so_too():
+    now = described(scenario="particles")
+    check_same_sweep(FOLDER, [without(now, "clocks.jitter")], [now])
+
+
+@pytest.mark.parametrize(
+    ("setting", "difference"),
+    [
+        ("spread.clock_rate=0.01", "spread.clock_rate: 0.0 in the folder, 0.01 now"),
+        ("stuck.per_hour=2", "stuck.per_hour: 0.0 in the folder, 2.0 now"),
+        ("robots.0.camera.frames_per_s=8", "robots.0.camera.frames_per_s: None in the folder, 8.0 now"),
+        ("arena.width_cm=70", "arena.width_cm: 60.0 in the folder, 70.0 now"),
+    ],
+)
+def test_it_is_refused_to_a_scenario_in_which_they_differ_with_that_alone(setting, difference):
+    with pytest.raises(StoreError) as caught:
+        check_same_sweep(FOLDER, [without(described(), *NEW)], [described(setting)])
+    assert str(caught.value).splitlines()[1:] == [f"  {difference}"]
+
+
+def test_a_stored_scenario_that_today_s_keys_do_not_fit_is_compared_as_it_is():
+    scenario = json.loads(described().scenario)
+    scenario["contact"]["bounce"] = 0.5
+    old = described()._replace(scenario=json.dumps(scenario))
+    with pytest.raises(StoreError) as caught:
+        check_same_sweep(FOLDER, [old], [described()])
+    assert str(caught.value).splitlines()[1:] == ["  contact.bounce: 0.5 in the folder, 'nothing' now"]
+
+
+EYE = "READINGS = {'eye': float}\ndef sense(w, robot, readings, p, r): readings.eye = NUMBER\n"
+CURVE = "def phase_shift(phase, coupling, parameters):\n    return NUMBER * coupling\n"
+FIRMWARE = "#define PARAMETERS\n#define MEMORY\n#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { NUMBER; }\n"
+OWN = {
+    "eye.py": ("robots.0.sensors=[{}]", EYE),
+    "mine.py": ("robots=[{{count: 2, controller: {}}}]", with_step("actuators.left_cm_s = NUMBER")),
+    "mine.c": ("robots=[{{count: 2, controller: {}}}]", FIRMWARE),
+    "curve.py": ("response.curve={}", CURVE),
+    "ground.png": ("arena.floor.picture={}", ""),
+}
+"""The key that names each file of a user's, and what is in it."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[needs_compiler] * (name == "mine.c")) for name in OWN])
+def test_trials_with_another_version_of_a_file_are_refused_wherever_it_lies(tmp_path, name):
+    key, text = OWN[name]
+
+    def write(path: Path, number: int) -> None:
+        if text:
+            path.write_text(text.replace("NUMBER", str(number)))
+        else:
+            cv2.imwrite(str(path), np.full((2, 2), number, np.uint8))
+
+    versions = []
+    for folder, number in (("here", 0), ("there", 0), ("edited", 255)):
+        (tmp_path / folder).mkdir()
+        write(tmp_path / folder / name, number)
+        scenario = "particles" if name == "curve.py" else "thesis"
+        versions.append(described(key.format(tmp_path / folder / name), scenario=scenario))
+    here, there, edited = versions
+    check_same_sweep(FOLDER, [here], [there])
+    with pytest.raises(StoreError, match=rf"'{re.escape(name)} with digest .* in the folder, '{re.escape(name)} with"):
+        check_same_sweep(FOLDER, [here], [edited])
