@@ -19,7 +19,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.runs import database, export, reader
+from epuck_sim.runs import database, reader
+from epuck_sim.runs import export as exporting
 from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.runs.database import ENTER_POINT
 from epuck_sim.runs.export import WRITERS, export
@@ -146,7 +147,7 @@ class Grown:
     [
         (reader, lambda folder: [len(point.times) for point in read_points(folder)], [3, 3, 3, 3]),
         (reader, lambda folder: read_status(folder)[1:4], (4, 12, 12)),
-        (export, lambda folder: export.export(folder, folder / "table.csv"), 0),
+        (exporting, lambda folder: export(folder, folder / "table.csv"), 0),
     ],
     ids=["points", "status", "export"],
 )

@@ -2,14 +2,11 @@
 
 import json
 import math
-import os
 import random
 import re
 import resource
 import shutil
 import sqlite3
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -26,7 +23,6 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, stored_point
 from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
-from epuck_sim.runs.folder import DATABASE, current_holder
 from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
@@ -207,44 +203,6 @@ def test_an_axis_value_beyond_64_bits_is_stored(tmp_path) -> None:
     robots = [{"controller": str(tmp_path / "mine.py")}]
     fill(tmp_path / "r", scenario_of({"grid": {"robots.0.parameters.pace": [10**30]}}, robots=robots, trials=1))
     assert float(stored(tmp_path / "r")[0]["robots.0.parameters.pace"]) == 1e30
-
-
-LOCK_IT = """
-import sys
-from pathlib import Path
-from epuck_sim.runs.folder import acquire
-with acquire(Path(sys.argv[1])):
-    print("locked", flush=True)
-    sys.stdin.read()
-"""
-
-
-def test_a_lock_ends_with_the_process_that_held_it_even_where_it_was_killed(tmp_path) -> None:
-    command = [sys.executable, "-c", LOCK_IT, str(tmp_path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdout.readline() == b"locked\n"
-        name = f"process {process.pid} on {host()}"
-        assert f"{name} is at work on it" in refusal(tmp_path, DEMO)
-        assert current_holder(tmp_path) == name
-        process.kill()
-    assert (tmp_path / ".lock-holder").read_text() == name
-    assert current_holder(tmp_path) is None
-    with Store(tmp_path, DEMO, points(DEMO)):
-        assert current_holder(tmp_path) == f"process {os.getpid()} on {host()}"
-    assert set(contents(tmp_path)) == FILES
-
-
-def test_the_folder_is_free_again_after_the_end_and_after_an_error(tmp_path) -> None:
-    found = points(DEMO)
-    with Store(tmp_path, DEMO, found):
-        assert current_holder(tmp_path) is not None
-    assert current_holder(tmp_path) is None
-    with pytest.raises(ZeroDivisionError), Store(tmp_path, DEMO, found):
-        1 / 0  # noqa: B018
-    assert current_holder(tmp_path) is None
-    fill(tmp_path)
-    refusal(tmp_path, load_scenario(DEMO, ["trials=3", "seed=1"]))
-    assert current_holder(tmp_path) is None
 
 
 def test_a_sweep_of_which_nothing_was_run_gives_its_folder_up(tmp_path) -> None:
