@@ -1,4 +1,4 @@
-"""Measures of links: each against the graph as a set of pairs."""
+"""Measures of who sees and hears whom, links, words and suspicions: each against a slow twin."""
 
 from itertools import pairwise
 
@@ -7,6 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim import Simulation, load_scenario, run_trial
+from epuck_sim.embodied.observers import find_sightings, make_scene
+from epuck_sim.measures.consensus import STREAM
 from epuck_sim.measures.links import component_sizes, degrees
 from tests.measures.test_shipped import AGENTS, CYCLES, ROBOTS, at_cycles, run
 from tests.particles.naive_model import receivers_of
@@ -143,3 +146,143 @@ def test_links_are_found_by_cells_as_without(boundary):
         simulation, _ = run("degree", observer, **sections, neighbourhood=rule, stop=stop)
         codes = sorted(sender * 450 + receiver for sender, receiver in seen[-1])
         assert simulation.neighbour_links().tolist() == codes
+
+
+FEW = {**AGENTS, "agents": {"count": 12, "speed_cm_s": 20.0}}
+CROWD = {**ROBOTS, "robots": [{"count": 6, "camera": {"field_of_view_deg": 120}}]}
+
+
+class SlowWords:
+    """The same as sets of words, one robot or agent after the other."""
+
+    def __init__(self, count: int, rule: str, seed: int = 5) -> None:
+        self.rule, self.random = rule, np.random.default_rng([seed, STREAM])
+        self.known = [{one} for one in range(count)]
+        self.carried: dict[int, int] = {}
+        self.heard: set[tuple[int, int]] = set()
+        self.counts: list[int] = []
+
+    def say(self, speaker):
+        return self.random.choice(sorted(self.known[speaker]))
+
+    def hear(self, hearer, word):
+        if self.rule == "voter" or word in self.known[hearer]:
+            self.known[hearer] = {word}
+        else:
+            self.known[hearer].add(word)
+
+    def __call__(self, event, state, simulation):
+        if hasattr(event, "poses"):
+            for hearer, speaker in event.sightings.tolist():
+                if (hearer, speaker) not in self.heard:
+                    self.heard.add((hearer, speaker))
+                    self.carried.setdefault(speaker, None)
+                    if self.carried[speaker] is None:
+                        self.carried[speaker] = self.say(speaker)
+                    self.hear(hearer, self.carried[speaker])
+            dark = set(np.flatnonzero(~event.ring_on).tolist())
+            self.heard = {pair for pair in self.heard if pair[1] not in dark}
+            self.carried = {speaker: word for speaker, word in self.carried.items() if speaker not in dark}
+        elif len(event.fired):
+            pairs = simulation.pulse_links()[:, :2].tolist()
+            for speaker in dict.fromkeys(speaker for speaker, _ in pairs):
+                word = self.say(speaker)
+                for other, hearer in pairs:
+                    if other == speaker:
+                        self.hear(hearer, word)
+        if state.cycles > len(self.counts):
+            self.counts.append(len(set.union(*self.known)))
+
+
+@pytest.mark.parametrize("rule", ["naming_game", "voter"])
+@pytest.mark.parametrize(("sections", "count"), [(FEW, 12), (CROWD, 6)], ids=["agents", "robots"])
+def test_the_words_of_a_trial_are_those_of_a_slow_twin(sections, count, rule):
+    twin = SlowWords(count, rule)
+    _, series = run({"words": {"rule": rule}}, twin, **sections)
+    assert series == twin.counts
+    assert series[-1] < count
+
+
+@pytest.mark.parametrize("sections", [FEW, CROWD], ids=["agents", "robots"])
+def test_consensus_is_when_one_word_is_left(sections):
+    stop = {**sections["stop"], "max_cycles": 400}
+    _, words = run({"words": {"rule": "voter"}}, **{**sections, "stop": {**stop, "order_parameter": None}})
+    _, agreed = run({"consensus": {"rule": "voter"}}, **{**sections, "stop": {**stop, "order_parameter": None}})
+    assert 1 in words
+    assert words.index(1) in (agreed, agreed + 1)  # words are counted at firings, agreement is noted at once
+    assert set(words[words.index(1) :]) == {1}
+
+
+def test_nobody_agrees_who_hears_nobody():
+    alone = {**AGENTS, "agents": {"count": 3, "speed_cm_s": 0.0}, "space": {"side_cm": 1000}}
+    alone["neighbourhood"] = {"kind": "cone_of_vision", "angle_deg": 1, "radius_cm": 0.001}
+    _, agreed = run("consensus", **alone)
+    assert agreed is None
+
+
+PERIOD_S = 5.0
+FACE_TO_FACE = [[20.0, 30.0, 0.0], [40.0, 30.0, np.pi]]
+SWARM = {"robots": [{"count": 8, "camera": {"field_of_view_deg": 90}}]}
+
+
+def value(measure, seconds, faults=(), robots=None, seed=5, observers=()):
+    """Return a measure of robots that stand face to face, or of others, after so many seconds."""
+    robots = robots or [{"poses": FACE_TO_FACE, "controller": "oscillator"}]
+    stop = {"order_parameter": None, "max_time_s": seconds}
+    loaded = load_scenario({"robots": robots, "faults": list(faults), "stop": stop, "measures": [measure]})
+    (found,) = run_trial(Simulation(loaded, seed), observers).measures.values()
+    return found
+
+
+def test_a_robot_is_suspected_after_the_patience_since_its_last_flash_or_since_the_start():
+    patient, dead = {"detection_delay": {"cycles": 3}}, {"kind": "ring_dead", "robots": [1]}
+    assert 3 - 1 < value(patient, 60, [{**dead, "at_s": 20}]) < 3  # up to a period before the fault counts
+    assert value(patient, 60, [dead]) == pytest.approx(3, abs=0.041)  # two steps of 0.1 s
+
+
+@pytest.mark.parametrize("at_s", [20, 21.3, 22.6, 23.9])
+def test_a_fault_amid_many_steps_is_noticed_as_in_steps_one_by_one(at_s):
+    """Some are suspected already when it begins."""
+    given = {"detection_delay": {"cycles": 0.5}}, 60, [{"kind": "ring_dead", "robots": [1], "at_s": at_s}]
+    assert value(*given) == value(*given, observers=[lambda *_: None])
+
+
+def test_all_that_fail_must_be_found():
+    three = [{"poses": [*FACE_TO_FACE, [50.0, 30.0, 0.0]], "controller": "oscillator"}]
+    assert value("detection_delay", 60, [{"kind": "ring_dead", "robots": [1]}], three) is not None
+    assert value("detection_delay", 60, [{"kind": "ring_dead", "robots": [1, 2]}], three) is None
+
+
+def test_without_faults_there_is_no_delay_and_who_is_always_in_view_gives_no_alarm():
+    assert value("detection_delay", 60) is None
+    assert value({"false_alarms": {"cycles": 1.1}}, 600) == 0
+
+
+def test_impatient_robots_suspect_each_other_once_a_cycle():
+    alarms = value({"false_alarms": {"cycles": 0.5}}, 600)
+    assert alarms == pytest.approx(3600 / PERIOD_S, rel=0.12)  # coupling shortens cycles
+
+
+def slow_alarms(cycles, seconds, dead, seed):
+    """Count by going through all pairs of robots in each step."""
+    loaded = load_scenario({**SWARM, "faults": [{"kind": "ring_dead", "robots": [dead]}]})
+    simulation, robots = Simulation(loaded, seed), 8
+    scene = make_scene(loaded.robots, loaded.group_kinds, loaded.arena.build())
+    dark = {(i, j): 0.0 for i in range(robots) for j in range(robots)}
+    suspects: set[tuple[int, int]] = set()
+    alarms = 0
+    for step in (simulation.advance(1) for _ in range(int(10 * seconds))):
+        seen = {(i, j) for _, i, j in find_sightings(scene, step.poses.copy()[None]).tolist()}
+        flashes = set(map(tuple, step.sightings.tolist()))
+        dark = {pair: 0.0 if pair in flashes else dark[pair] + 0.1 * (pair in seen) for pair in dark}
+        suspected = {pair for pair, dark_s in dark.items() if dark_s > cycles * PERIOD_S - 0.001}
+        alarms += sum(pair[1] != dead for pair in suspected - suspects)
+        suspects = suspected
+    return alarms / robots / (seconds / 3600)
+
+
+def test_false_alarms_are_those_of_a_slow_twin():
+    faults = [{"kind": "ring_dead", "robots": [2]}]
+    found = value({"false_alarms": {"cycles": 0.7}}, 120, faults, SWARM["robots"])
+    assert found == pytest.approx(slow_alarms(0.7, 120, 2, 5))
+    assert found > 0

@@ -1,5 +1,6 @@
-"""The shipped measures, each against a closed form or a slow twin."""
+"""The shipped measures, each against a closed form or a slow twin, and how they are found by name or in files."""
 
+import json
 import math
 from itertools import pairwise
 from types import SimpleNamespace
@@ -11,12 +12,16 @@ from hypothesis import strategies as st
 
 from epuck_sim import ParticleSimulation, load_scenario, points
 from epuck_sim.measures.clusters import cluster_numbers, surviving_clusters
+from epuck_sim.measures.interface import Measure
+from epuck_sim.measures.loader import SHIPPED, find_measure
 from epuck_sim.measures.motion import Moved, correlation_time
 from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
 from epuck_sim.measures.perturbations import growth_rates, mean_with_interval
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.twin import simulate_with_twin
+from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.trial.model import run_trial, simulate
+from tests.measures.files import COUNTER, TELLTALE, write
 
 CYCLES = 12
 
@@ -357,3 +362,69 @@ def test_the_distance_that_movables_move_is_the_mean_path_in_an_hour():
     there_and_back = [[(0, 0), (9, 9)], [(3, 4), (9, 9)], [(0, 0), (9, 9)]]
     assert moved([10, 15, 20], there_and_back) == pytest.approx((10 + 0) / 2 * 360)
     assert moved([5, 3605], [[(0, 0)], [(0, 7)]]) == pytest.approx(7)
+
+
+MIXED = {**ROBOTS, "robots": [{"controller": "obstacle_avoidance", "count": 2}, {"count": 3}], "stop": {}}
+
+
+def test_a_field_of_one_robot_is_that_of_its_memory():
+    observer, seen = at_cycles(lambda step, _: float(step.memories[0]["rotation_time"][4]))
+    field = {"name": "rotation_time", "robot": 4}
+    first, *more = ({"memory": {**field, "take": take, "as": take}} for take in ("final", "mean", "series"))
+    _, *values = run(first, observer, more=more, **ROBOTS)
+    assert values == [seen[-1], sum(seen) / CYCLES, seen]
+    assert max(seen) > 0
+
+
+def test_a_field_of_all_is_the_mean_over_those_who_have_it():
+    observer, seen = at_cycles(lambda step, _: step.memories[1]["phase_ms"].mean())
+    _, value = run({"memory": {"take": "series"}}, observer, **MIXED)
+    assert value == pytest.approx(seen)
+
+
+def test_one_measure_may_be_there_twice_under_two_names():
+    measures = [{"memory": {"as": "phase"}}, {"memory": {"name": "rotation_time", "as": "turning"}}, "memory"]
+    scenario = load_scenario({"measures": measures})
+    assert load_scenario(scenario.model_dump()) == scenario
+    (point,) = points(scenario)
+    assert list(json.loads(stored_point(point).measures)) == ["phase", "turning", "memory"]
+
+
+def test_one_of_several_is_chosen_by_name(tmp_path):
+    write(tmp_path / "mine.py", COUNTER + TELLTALE + "\ndef helper(): pass\n")
+    for name in SHIPPED:
+        measure = find_measure(name)
+        assert (measure.name, measure.stored_name, dict(measure.sources), measure.is_function) == (
+            name,
+            name,
+            {},
+            False,
+        )
+        assert measure.make.__doc__.strip()
+    measure = find_measure("mine.py:Telltale", tmp_path)
+    assert (measure.name, measure.stored_name) == ("Telltale", f"{tmp_path}/mine.py:Telltale")
+
+
+@pytest.fixture
+def counter(tmp_path) -> Measure:
+    write(tmp_path / "mine.py", COUNTER)
+    return find_measure("mine.py", tmp_path)
+
+
+def test_parameters_have_the_types_of_their_defaults(counter):
+    assert counter.resolve({}) == {"weight": 1.0, "offset": 0, "loud": False, "label": "all"}
+    given = counter.resolve({"weight": 2, "offset": 3.0, "label": "none"})
+    assert (given["weight"], given["offset"], given["label"]) == (2.0, 3, "none")
+    assert (type(given["weight"]), type(given["offset"])) == (float, int)
+
+
+def test_a_measure_measures_the_models_that_tell_what_it_asks_for(tmp_path, counter):
+    write(tmp_path / "steps.py", TELLTALE.replace("def event", "def _event"))
+    write(tmp_path / "both.py", TELLTALE)
+    write(tmp_path / "named.py", COUNTER + "    MODELS = ('particles',)\n")
+    for measure in (counter, find_measure("both.py", tmp_path)):
+        measure.check_model("particles", "event")
+        measure.check_model("embodied", "step")
+    only_steps, only_agents = (find_measure(name, tmp_path) for name in ("steps.py", "named.py"))
+    only_steps.check_model("embodied", "step")
+    only_agents.check_model("particles", "event")

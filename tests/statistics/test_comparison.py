@@ -78,7 +78,7 @@ def test_points_of_two_folders_are_matched_by_their_axis_values_and_others_are_c
     assert compared(first, second).left_out == 4
 
 
-def test_two_values_of_an_axis_are_matched_over_the_others_and_what_is_tied_to_it_is_none() -> None:
+def test_two_values_of_an_axis_with_or_without_an_order_are_matched_over_the_others_that_are_not_tied_to_it() -> None:
     sizes = {"zip": {WIDTH: [40, 60, 80], HEIGHT: [40, 60, 80]}, "grid": {SPEED: [1, 2], COUNT: [3]}}
     made = in_memory(sweep(None, sweep=sizes), lambda point: ended([point.axes[WIDTH] + point.axes[SPEED]]))
     samples = match_values(made, WIDTH, [80, 40.0])
@@ -87,10 +87,7 @@ def test_two_values_of_an_axis_are_matched_over_the_others_and_what_is_tied_to_i
         ({SPEED: 1, COUNT: 3}, 81, 41),
         ({SPEED: 2, COUNT: 3}, 82, 42),
     ]
-
-
-def test_values_of_an_axis_that_have_no_order_are_matched() -> None:
-    values = [None, 30, {"kind": "cone"}]
+    values = [None, 30, {"kind": "cone"}]  # which have no order
     made = [
         point._replace(axes={SPEED: point.axes[SPEED], "mixed": values[point.number % 3]})
         for point in in_memory(sweep({SPEED: [1, 2], COUNT: [3, 4, 5]}), lambda point: ended([point.number]))
@@ -170,9 +167,8 @@ def log_ratio(x, y, axis):
 def test_one_permutation_test_is_scipys(of_logarithms: bool) -> None:
     first, second = drawn(50, 5, 1), drawn(90, 6, 2)
     statistic = log_ratio if of_logarithms else lambda x, y, axis: -stats.ttest_ind(x, y, equal_var=False, axis=axis)[0]
-    theirs = stats.permutation_test(
-        (first.values, second.values), statistic, vectorized=True, n_resamples=math.inf
-    )  # all 462 of them
+    samples = first.values, second.values
+    theirs = stats.permutation_test(samples, statistic, vectorized=True, n_resamples=math.inf)  # all 462 of them
     ours = permuted(pair_up(first, second), 0, of_logarithms, count=40_000)
     assert ours[0] == pytest.approx(theirs.statistic)
     one_sided = [float((ours >= ours[0] - 1e-9).mean()), float((ours <= ours[0] + 1e-9).mean())]
@@ -212,10 +208,8 @@ def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_coun
 
 
 def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_interval() -> None:
-    (point,) = compared(
-        in_memory(sweep({SPEED: [1]}), lambda _: ended([5000] * 20, [False] * 20)),
-        in_memory(sweep({SPEED: [1]}), lambda _: ended(range(50, 70))),
-    ).points
+    sides = ended([5000] * 20, [False] * 20), ended(range(50, 70))
+    (point,) = compared(*(in_memory(sweep({SPEED: [1]}), lambda _, side=side: side) for side in sides)).points
     assert point.statistic == "restricted mean"
     assert point.p_value < 0.001
     for unknown in (point.first, point.difference, point.ratio):
@@ -237,10 +231,7 @@ def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() ->
     def slow(point):
         return ended([5000] * 20, [False] * 20) if point.axes[SPEED] == 1 else ended(range(40, 60))
 
-    first, second = (
-        in_memory(sweep({SPEED: [1, 2]}), slow),
-        in_memory(sweep({SPEED: [1, 2]}), lambda _: ended(range(20, 40))),
-    )
+    first, second = (in_memory(sweep({SPEED: [1, 2]}), law) for law in (slow, lambda _: ended(range(20, 40))))
     (table,) = comparison_tables([compared(first, second)], first)
     assert any(note.startswith("In p over all alone: 1 point, where") for note in table.notes)
     assert "the geometric mean of 1 point; p = " in table.notes[-1]
@@ -264,16 +255,13 @@ def three(key: str = COUNT, values=(2, 4, 8)):
     return in_memory(grid, lambda point: weibull(point, 10 * point.axes[key]))
 
 
-def test_of_several_values_all_pairs_are_compared_or_each_with_the_first() -> None:
+def test_of_several_values_all_pairs_are_compared_or_each_with_the_first_and_p_values_corrected_for_all() -> None:
     samples = match_values(three(), COUNT, [2, 4, 8])
     names = [f"{COUNT} = {value}" for value in (2, 4, 8)]
     assert [(each.a, each.b) for each in compare(samples)] == [*combinations(names, 2)]
     with_first = [(each.a, each.b) for each in compare(samples, with_first=True)]
     assert with_first == [(names[0], names[1]), (names[0], names[2])]
-
-
-def test_p_values_are_corrected_for_all_points_and_pairs() -> None:
-    found = compare(match_values(three(), COUNT, [2, 4, 8]))
+    found = compare(samples)
     points = [point for each in found for point in each.points]
     assert len(points) == 6
     smallest = min(points, key=lambda point: point.p_value)

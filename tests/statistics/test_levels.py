@@ -1,16 +1,28 @@
-"""Intervals hold the truth, and tests find what is not there, as often as they say: by simulation, not by formulas.
-
-docs/statistics.md has the study of which these are parts.
-"""
+"""Intervals hold the truth, and tests find what is there, as often as they say: by simulation, not by formulas."""
 
 import math
+from collections.abc import Iterable
+from itertools import pairwise, product
+from statistics import NormalDist
 
 import numpy as np
 import pytest
 
+from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.replication.criteria import rank_trend, ratio, weighted_slope
-from epuck_sim.statistics.comparison import contrast, pair_up, permute, share_as_large, studentised
+from epuck_sim.statistics.comparison import contrast, mean_contrast, pair_up, permute, share_as_large, studentised
+from epuck_sim.statistics.measured import Measured, cut
+from epuck_sim.statistics.planning import plan_trials, trials_for_shares, trials_needed
+from epuck_sim.statistics.sequential import (
+    Precision,
+    look_contrast,
+    look_interval,
+    look_level,
+    look_sizes,
+    probability_within,
+)
 from epuck_sim.statistics.statistic import estimate_mean
+from tests.runs.made_folders import SHAPE, SPEED, SPEEDS, ended, in_memory, sweep, weibull
 from tests.statistics.fits import lognormal, measured, times
 
 LAWS = {
@@ -76,3 +88,207 @@ def test_chance_in_ratios_and_trends() -> None:
     trends = [rank_trend(x, [measured(random.exponential(size=9)) for _ in x]).p_below(0) for _ in range(600)]
     for p_values in (ratios, trends):
         assert 0.025 < np.mean(np.array(p_values) < 0.05) < 0.08
+
+
+SPREAD = math.sqrt(math.gamma(1 + 2 / SHAPE) / math.gamma(1 + 1 / SHAPE) ** 2 - 1)
+"""Standard deviation over mean of the Weibull distribution of this shape."""
+
+
+def drawn(mean: float, trials: int, seed) -> Measured:
+    return measured(mean * np.random.default_rng(seed).weibull(SHAPE, trials) / math.gamma(1 + 1 / SHAPE))
+
+
+def share_seen(difference: float, points: int, trials: int) -> float:
+    """Return how often a difference is seen over some points, of 200 experiments."""
+    seen = 0
+    for seed in range(200):
+        pairs = [
+            pair_up(drawn(50, trials, [seed, n]), drawn(50 * (1 + difference), trials, [seed, n, 1]))
+            for n in range(points)
+        ]
+        seen += mean_contrast([contrast(pair, of_logarithms=True) for pair in pairs]).low > 0
+    return seen / 200
+
+
+@pytest.mark.parametrize(("difference", "points"), [(0.2, 1), (0.5, 1), (0.2, 12)])
+@pytest.mark.parametrize("power", [0.5, 0.8])
+def test_so_many_trials_show_the_difference_as_often_as_is_said(difference: float, points: int, power: float) -> None:
+    trials = trials_needed([SPREAD] * points, difference, power)
+    assert share_seen(difference, points, trials) == pytest.approx(power, abs=0.09)  # 200 scatter by 0.035
+
+
+def test_each_point_has_its_number_and_points_without_a_spread_none() -> None:
+    def law(point):
+        match point.number:
+            case 0:
+                return ended([])
+            case 1:
+                return ended([5, 6, 7])
+            case 2:
+                return ended([*range(20, 40), 5000], [True] * 20 + [False])
+        return weibull(point, 40)
+
+    plan = plan_trials(in_memory(sweep({SPEED: SPEEDS}, trials=50), law), 0.25, 0.9)
+    assert [point.stored for point in plan.points] == [0, 3, 21, 50, 50]
+    assert [point.trials is None for point in plan.points] == [True, True, False, False, False]
+    assert [point.statistic for point in plan.points[2:]] == ["restricted mean", "mean", "mean"]
+    spreads = [point.spread for point in plan.points[2:]]
+    assert [point.trials for point in plan.points[2:]] == [trials_needed([each], 0.25, 0.9) for each in spreads]
+    assert plan.over_all == trials_needed(spreads, 0.25, 0.9)
+
+
+def of_measure(*values_of_points):
+    """Return points of a sweep whose trials have these values."""
+    scenario = sweep({SPEED: SPEEDS[: len(values_of_points)]})
+    points = in_memory(scenario, lambda point: ended([7] * len(values_of_points[point.number])))
+    return [point._replace(measured=tuple(values_of_points[point.number]), of="mine") for point in points]
+
+
+def test_numbers_are_planned_by_their_scatter_of_either_sign_and_what_is_undetermined_does_not_count() -> None:
+    values = drawn(50, 30, 1).values
+    plan, mirrored = (plan_trials(of_measure(sign * values), 0.25, 0.9) for sign in (1, -1))
+    (point,), (other,) = plan.points, mirrored.points
+    assert (plan.of, plan.is_of_shares) == ("mine", False)
+    assert point.trials == trials_needed([np.std(values, ddof=1) / np.mean(values)], 0.25, 0.9)
+    assert (other.trials, other.spread, other.mean) == (point.trials, point.spread, -point.mean)
+    both = plan_trials(of_measure(values, -values), 0.25, 0.9)
+    assert [each.trials for each in both.points] == [point.trials] * 2
+    assert both.over_all is None  # a rise of the one is a fall of the other
+    plan = plan_trials(of_measure([1.0, None, 2.0, 3.0, None, 4.0], [-1.0, 1.0] * 5, [2.0, 3.0] * 5), 0.2, 0.8)
+    assert [point.stored for point in plan.points] == [4, 10, 10]
+    assert [point.trials is None for point in plan.points] == [True, True, False]  # a mean of 0 has no per cent
+    assert plan.over_all == plan.points[2].trials
+
+
+def test_truth_values_are_planned_by_their_shares() -> None:
+    plan = plan_trials(of_measure([True, False] * 10, [False] * 20, [True] * 3), 0.2, 0.8)
+    assert (plan.is_of_shares, [point.statistic for point in plan.points]) == (True, ["share"] * 3)
+    alone = [trials_for_shares([share], 0.2, 0.8) for share in (0.5, 0.0)]
+    assert [point.trials for point in plan.points] == [*alone, None]
+    assert plan.over_all == trials_for_shares([0.5, 0.0], 0.2, 0.8)
+    assert plan_trials(of_measure([True, False] * 10), 0.6, 0.8).over_all is None
+
+
+def share_of_exact_tests(first: float, second: float, trials: int) -> float:
+    """Return how often two shares are told apart by the test of all permutations, with p < 0.05."""
+
+    def binomial(share: float) -> list[float]:
+        return [math.comb(trials, true) * share**true * (1 - share) ** (trials - true) for true in range(trials + 1)]
+
+    def p_value(one: int, other: int) -> float:
+        splits = range(max(0, one + other - trials), min(trials, one + other) + 1)
+        ways = {true: math.comb(trials, true) * math.comb(trials, one + other - true) for true in splits}
+        as_large = [ways[true] for true in splits if abs(2 * true - one - other) >= abs(one - other)]
+        return sum(as_large) / sum(ways.values())
+
+    chances = zip(product(range(trials + 1), repeat=2), product(binomial(first), binomial(second)), strict=True)
+    return sum(one * other for (a, b), (one, other) in chances if one * other > 1e-9 and p_value(a, b) < 0.05)
+
+
+@pytest.mark.parametrize(("share", "difference"), [(0.5, 0.4), (0.0, 0.3), (0.9, 0.35)])
+@pytest.mark.parametrize("power", [0.6, 0.8, 0.9])
+def test_so_many_trials_tell_shares_apart_as_often_as_is_said(share: float, difference: float, power: float) -> None:
+    trials = trials_for_shares([share], difference, power)
+    others = [other for other in (share - difference, share + difference) if 0 <= other <= 1]
+    seen = min(share_of_exact_tests(share, other, trials) for other in others)
+    assert power - 0.01 < seen < power + (0.17 if share in (0, 1) else 0.08)  # few trials have few outcomes
+
+
+LIMIT = 150
+
+
+def test_the_boundary_is_pococks() -> None:
+    """His table has 2.413 standard errors for 5 looks after equal numbers of trials, and 2.555 for 10."""
+    for boundary, looks in ((2.413, 5), (2.555, 10)):
+        assert probability_within(boundary, tuple(range(20, 20 * looks + 1, 20))) == pytest.approx(LEVEL, abs=2e-4)
+
+
+@pytest.mark.parametrize("limit", [20, 50, 1000])
+def test_means_are_within_their_intervals_at_all_looks_as_often_as_asked(limit: int) -> None:
+    sums, sizes = 20_000, np.array(look_sizes(limit))
+    steps = np.random.default_rng(limit).normal(size=(sums, len(sizes))) * np.sqrt(np.diff(sizes, prepend=0))
+    errors = np.abs(steps.cumsum(axis=1)) / np.sqrt(sizes)
+    boundary = NormalDist().inv_cdf((1 + look_level(look_sizes(limit))) / 2)
+    within = np.mean((errors <= boundary).all(axis=1))
+    assert within == pytest.approx(LEVEL, abs=4 * math.sqrt(LEVEL * (1 - LEVEL) / sums))
+
+
+def shares_that_hold(truth: float, asked: str, experiments: Iterable[list[Estimate]]) -> tuple[float, float, float]:
+    """Return in which share of experiments all looks hold the truth, the first narrow one does, and comes early."""
+    found = []
+    for looks in experiments:
+        end = next((look for look in looks if Precision.parse(asked).width(look) <= 1), looks[-1])
+        holds = [each.low <= truth <= each.high for each in (*looks, end)]
+        found.append((all(holds), holds[-1], end is not looks[-1]))
+    return tuple(np.mean(found, axis=0).tolist())
+
+
+def looks_at(times, limit: float = math.inf) -> list[Estimate]:
+    """Return the interval of trials at each look, of which those that last longer are censored."""
+    return [look_interval(cut(measured(times[:size]), limit), LIMIT) for size in look_sizes(LIMIT)]
+
+
+@pytest.mark.parametrize("share_censored", [0.0, 0.4])
+def test_intervals_of_skewed_times_hold_at_all_looks_and_at_the_first_narrow_one(share_censored) -> None:
+    samples, random = 400, np.random.default_rng(5)
+    limit = (-math.log(share_censored)) ** (1 / 1.35) if share_censored else math.inf
+    truth = np.minimum(random.weibull(1.35, 10**6), limit).mean()
+    experiments = (looks_at(times, limit) for times in random.weibull(1.35, (samples, LIMIT)))
+    hold, hold_at_end, _ = shares_that_hold(truth, "25%", experiments)
+    error = math.sqrt(LEVEL * (1 - LEVEL) / samples)
+    assert hold > LEVEL - 0.01 - 2 * error  # Student's miss the means of skewed times a little more often
+    assert hold_at_end > LEVEL
+
+
+def test_contrasts_add_half_widths_in_squares_and_ratios_do_in_logarithms() -> None:
+    one, other = Estimate(40, 37, 44), Estimate(60, 56, 63)
+    difference = look_contrast(one, other, is_relative=False)
+    assert difference.ends == pytest.approx((20, 20 - math.hypot(4, 4), 20 + math.hypot(3, 3)))
+    ratio, logs = (
+        look_contrast(*pair, is_relative=is_relative).ends
+        for pair, is_relative in (((one, other), True), ([each.apply(math.log) for each in (one, other)], False))
+    )
+    assert ratio == pytest.approx([math.exp(end) for end in logs])
+    assert look_contrast(Estimate(1, -1, 2), Estimate(2, -1, 3), is_relative=True).ends[1:] == (0, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("is_relative", "asked", "truth"), [(True, "35%", 2.0), (False, "0.6", math.gamma(1 + 1 / 1.35))]
+)
+def test_contrasts_of_skewed_times_hold_at_all_looks_and_at_the_first_narrow_one(is_relative, asked, truth) -> None:
+    samples = 400
+    experiments = (
+        [look_contrast(*pair, is_relative=is_relative) for pair in zip(looks_at(one), looks_at(2 * two), strict=True)]
+        for one, two in np.random.default_rng(6).weibull(1.35, (samples, 2, LIMIT))
+    )
+    hold, hold_at_end, early = shares_that_hold(truth, asked, experiments)
+    assert early > 0.25
+    assert hold > LEVEL - 0.01 - 2 * math.sqrt(LEVEL * (1 - LEVEL) / samples)
+    assert hold_at_end > LEVEL
+
+
+def test_where_all_trials_are_censored_few_can_end_sooner() -> None:
+    level = look_level(look_sizes(LIMIT))
+    widths = []
+    for trials in (20, 100):
+        found = look_interval(measured(np.full(trials, 60.0), np.zeros(trials, bool), 60), LIMIT)
+        assert (found.value, found.high) == (60, 60)
+        share_ending = 1 - found.low / 60
+        assert (1 - share_ending) ** trials == pytest.approx((1 - level) / 2)
+        widths.append(Precision.parse("5%").width(found))
+    assert widths[0] > 1 > widths[1]
+    assert look_interval(measured([]), LIMIT) == UNDETERMINED  # all have failed
+
+
+def test_a_width_is_that_of_half_the_interval_over_what_is_asked() -> None:
+    assert Precision.parse("10%").width(Estimate(40, 34, 50)) == pytest.approx(2)
+    assert Precision.parse("4").width(Estimate(40, 34, 50)) == pytest.approx(2)
+    for found in (UNDETERMINED, Estimate(40), Estimate(40, 34, math.inf), Estimate(0, -1, 1)):
+        assert Precision.parse("10%").width(found) == math.inf
+
+
+def test_the_last_look_is_at_the_limit_and_not_close_behind_another() -> None:
+    for limit in range(20, 2000):
+        sizes = look_sizes(limit)
+        assert (sizes[0], sizes[-1]) == (20 if limit >= 25 else limit, limit)
+        assert all(1.2 < after / before < 2 for before, after in pairwise(sizes))

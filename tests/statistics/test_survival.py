@@ -29,11 +29,6 @@ trials = st.lists(st.tuples(whole_cycles, st.booleans()), min_size=1, max_size=4
 )
 
 
-def restricted_mean(times, observed, horizon):
-    """Return the restricted mean of one sample."""
-    return restricted_means(make_curve(times, observed), horizon)[0]
-
-
 def appendix_a(times, observed):
     """Return steps 1 to 5: each uncensored trial's time and R, as a fraction, events before censorings."""
     points, r, running = [], Fraction(1), len(times)
@@ -82,18 +77,14 @@ def test_the_median_is_halfway_from_the_time_when_half_of_the_trials_are_left_to
 @pytest.mark.parametrize("seed", range(6))
 def test_the_median_and_its_interval_are_lifelines(seed):
     times, observed = messy_trials(seed, n=[21, 41, 81][seed % 3])
-    with np.errstate():
-        fitter = KaplanMeierFitter().fit(times, observed)
-        interval = median_survival_times(fitter.confidence_interval_).to_numpy().ravel()
+    fitter = KaplanMeierFitter().fit(times, observed)
+    interval = median_survival_times(fitter.confidence_interval_).to_numpy().ravel()
     assert median_time(times, observed) == pytest.approx((fitter.median_survival_time_, *interval))
 
 
-def test_half_of_the_trials_is_half_however_r_is_rounded():
+def test_half_of_the_trials_is_half_however_r_is_rounded_and_what_is_not_reached_is_infinite():
     for n in range(2, 200, 2):
         assert median_time(np.arange(n) + 1, np.ones(n, bool))[0] == (n + 1) / 2
-
-
-def test_what_is_not_reached_is_infinite():
     times, observed = np.array([10, 20, 30, 99, 99, 99, 99.0]), np.arange(7) < 3
     assert median_time(times, observed) == (math.inf, 10, math.inf)
     assert median_time(times, ~observed)[0] == 99
@@ -105,7 +96,7 @@ def test_the_restricted_mean_is_the_sum_of_what_is_left_in_each_cycle(given_tria
     times, observed = given_trials
     curve = appendix_a(times, observed)
     left = [min([r for time, r in curve if time <= cycle], default=1) for cycle in range(horizon)]
-    assert restricted_mean(times, observed, horizon) == pytest.approx(float(sum(left)), rel=1e-12)
+    assert restricted_means(make_curve(times, observed), horizon)[0] == pytest.approx(float(sum(left)), rel=1e-12)
 
 
 def squares(scale, shape, times, observed):
@@ -177,14 +168,8 @@ def test_there_is_a_fit_just_if_two_event_times_leave_some_trials(given_trials):
 
 
 def test_a_weibull_mean_is_alpha_times_gamma_of_1_plus_1_over_gamma():
-    for shape, factor in [
-        (1, 1),
-        (2, math.sqrt(math.pi) / 2),
-        (0.5, 2),
-        (1e9, 1),
-        (0.01, 9.33262e157),
-        (0.001, math.inf),
-    ]:
+    factors = {1: 1, 2: math.sqrt(math.pi) / 2, 0.5: 2, 1e9: 1, 0.01: 9.33262e157, 0.001: math.inf}
+    for shape, factor in factors.items():
         assert Weibull(50.0, shape).mean == pytest.approx(50 * factor, rel=1e-6)
 
 

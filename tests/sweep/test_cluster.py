@@ -1,14 +1,20 @@
-"""A Dask cluster: schedulers that are started again, workers that are not like the command, dask-jobqueue's lines."""
+"""Pools of processes and Dask clusters: what workers load, how they end, who is none, and dask-jobqueue's lines."""
 
+import ast
+import multiprocessing
+import os
 import re
 import socket
 import subprocess
 import sys
+import time
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from threading import Thread
+from types import SimpleNamespace
 
 import pytest
 
@@ -16,16 +22,116 @@ from epuck_sim.errors import ClusterError
 from epuck_sim.runs.records import Task
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.sweep import cluster
-from epuck_sim.sweep.cluster import SameVersionsExecutor, SchedulerGoneError
-from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.cluster import DaskCluster, SameVersionsExecutor, SchedulerGoneError
+from epuck_sim.sweep.executors import ONE_THREAD, Pool, local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.scheduler import TaskQueue, schedule
 from epuck_sim.sweep.worker import make_outcome, run_chunk
+from tests.cli.commands import call
 from tests.control.bench import EMPTY
 from tests.processes import start, wait_until
 from tests.sweep.pool_here import Here, pool_here
 from tests.sweep.short_sweeps import begin, short_sweep, stored, table
 from tests.sweep.test_scheduler import outcomes_of_length, task
+
+UNNEEDED = {
+    *("matplotlib", "rerun", "pandas", "pyarrow", "rich", "typer", "cv2", "distributed"),
+    *("scipy.linalg", "scipy.stats", "scipy.optimize"),
+}
+
+ASKED_OF_A_WORKER = """
+import sys
+from epuck_sim.__main__ import main
+from epuck_sim.sweep.executors import local_pool
+if __name__ == "__main__":
+    with local_pool(1) as pool:
+        print(pool.executor.submit(eval, "[*__import__('sys').modules]").result())
+        print(pool.executor.submit(eval, "dict(__import__('os').environ)").result())
+"""
+
+
+def test_workers_load_what_a_simulation_needs_and_run_one_thread_each(tmp_path) -> None:
+    (tmp_path / "ask.py").write_text(ASKED_OF_A_WORKER)
+    answer = subprocess.run([sys.executable, tmp_path / "ask.py"], check=True, capture_output=True, text=True)
+    modules, environment = map(ast.literal_eval, answer.stdout.splitlines())
+    assert {"numba", "pymunk", "epuck_sim.embodied.simulation"} <= set(modules)
+    assert not UNNEEDED & set(modules)
+    assert {environment[name] for name in ONE_THREAD} == {"1"}
+
+
+def test_an_error_in_the_block_ends_the_workers_at_once_and_leaves_the_environment_as_it_was() -> None:
+    def fail_while_they_sleep() -> None:
+        with local_pool(2) as pool:
+            pool.executor.submit(time.sleep, 600)
+            raise RuntimeError("enough")
+
+    environment, before = dict(os.environ), set(multiprocessing.active_children())
+    with pytest.raises(RuntimeError, match="enough"):
+        fail_while_they_sleep()
+    assert dict(os.environ) == environment
+    wait_until(lambda: set(multiprocessing.active_children()) <= before)
+
+
+def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(cluster, "COUNT_S", -1)
+    counts = iter([0, 0, 2, 2, 0, 0])
+    slots = cluster._slots(SimpleNamespace(nthreads=lambda: {"worker": next(counts)}), "tcp://here")
+    assert [slots() for _ in range(6)] == [2, 2, 4, 4, 2, 2]
+    assert capsys.readouterr().err == "--dask tcp://here: the scheduler has no workers; waiting for them\n" * 2
+
+
+def test_a_scheduler_that_has_answered_is_waited_for_and_one_that_never_has_is_not(monkeypatch, capsys) -> None:
+    answers = iter([None, "client", None, None, "another"])
+
+    def connect(_: str) -> str:
+        answer = next(answers)
+        if answer is None:
+            raise ClusterError("nobody")
+        return answer
+
+    monkeypatch.setattr(cluster, "_connect", connect)
+    monkeypatch.setattr(cluster, "LOOK_S", 0)
+    asked = DaskCluster("tcp://here")
+    with pytest.raises(ClusterError, match="nobody"):
+        asked._connect()
+    assert [asked._connect(), asked._connect()] == ["client", "another"]
+    said = "--dask tcp://here: the scheduler is gone; waiting until it is started again, with workers\n"
+    assert capsys.readouterr().err == said
+
+
+def greet(server: socket.socket, greeting: bytes) -> None:
+    connection, _ = server.accept()
+    with connection:
+        connection.sendall(greeting)
+        while connection.recv(100):  # until the other side has given up
+            pass
+
+
+@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH_9.6\r\n", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
+def test_what_listens_but_is_no_scheduler_is_named(greeting: bytes, monkeypatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        Thread(target=greet, args=(server, greeting), daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        refusal = pytest.raises(ClusterError, match=f"--dask {address}: no Dask scheduler answers there")
+        with refusal, DaskCluster(address).open():
+            pass
+
+
+@pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "ftp://x:1", "tcp://127.0.0.1:9"])
+def test_where_no_scheduler_is_the_address_is_named_and_nothing_is_left_behind(address, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    result = call("run", short_sweep(tmp_path), "--out", tmp_path / "run", "--dask", address)
+    assert result.exit_code == 2
+    assert f"error: --dask {address}: no Dask scheduler answers there" in result.stderr
+
+
+def test_without_distributed_the_extra_is_named(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    refusal = pytest.raises(ClusterError, match=r'pip install "epuck-sim\[cluster\]"')
+    with refusal, DaskCluster("tcp://127.0.0.1:9").open():
+        pass
+
 
 DOCS = Path(__file__).parents[2] / "docs" / "clusters.md"
 
@@ -51,7 +157,7 @@ def answer(_: list[Task]) -> str:
     return "done"
 
 
-def test_a_worker_with_another_version_is_refused_in_words(monkeypatch) -> None:
+def test_a_worker_with_another_version_or_controller_is_refused_in_words(tmp_path, monkeypatch) -> None:
     executor = SameVersionsExecutor(Here())
     assert executor.submit(answer, [task(0)]).result() == "done"
     real = cluster.versions()
@@ -60,14 +166,11 @@ def test_a_worker_with_another_version_is_refused_in_words(monkeypatch) -> None:
     message = f"has numba 0.1, python 3.99.0, this command has numba {real['numba']}, python {real['python']}"
     with pytest.raises(ClusterError, match=re.escape(message)):
         executor.submit(answer, [task(0)]).result()
-
-
-def test_a_worker_with_another_controller_is_refused_in_words(tmp_path) -> None:
+    monkeypatch.undo()
     path = tmp_path / "own.py"
     path.write_text(EMPTY)
     scenario = load_scenario({"robots": [{"controller": str(path)}]})
     given = [Task(0, 0, "", scenario, False)]
-    executor = SameVersionsExecutor(Here())
     assert executor.submit(answer, given).result() == "done"
     path.write_text(path.read_text().replace("pass", "actuators.ring_on = True"))
     with pytest.raises(ClusterError, match=r"has own\.py with digest \w{12}, this command own\.py with digest \w{12}"):

@@ -52,7 +52,16 @@ def test_tasks_are_the_same_on_the_other_side_and_their_scenario_is_pickled_once
     assert pickled == ["0", "1", "2", "0"]
 
 
-def test_tasks_are_taken_in_the_order_of_their_urgency() -> None:
+def test_tasks_are_taken_in_the_order_of_their_urgency_and_those_that_were_lost_first_and_alone() -> None:
+    waiting = queue(6)
+    first = waiting.take(3)
+    assert ([each.trial for each in first], len(waiting)) == ([0, 1, 2], 3)
+    assert (waiting.give_back(first[:2]), len(waiting)) == ([], 5)
+    again = [*waiting.take(3), *waiting.take(3)]
+    assert sorted(each.trial for each in again) == [0, 1]
+    assert [each.trial for each in waiting.take(9)] == [3, 4, 5]
+    assert waiting.give_back(again) == again
+    assert not waiting
     waiting = queue(3)
     taken = [*waiting.take(2)]
     for trials, urgency in (([10, 11], 2.0), ([20], math.inf), ([30, 31], 5.0), ([40], 2.0)):
@@ -127,14 +136,6 @@ def test_a_kind_whose_compilation_kills_its_worker_is_compiled_ahead_once() -> N
     assert len(opens) == 2
 
 
-def test_trials_that_failed_do_not_make_chunks_longer() -> None:
-    sizer = ChunkSizer()
-    sizer.note([Outcome(0, trial, 0, None, "it raised after minutes", {}) for trial in range(5)])
-    assert sizer.chunk(100_000, 16) == 1
-    sizer.note(outcomes_of_length(CHUNK_S, 1))
-    assert sizer.chunk(100_000, 16) == 1
-
-
 def test_chunks_that_end_while_others_are_stored_are_stored_together() -> None:
     sizes = [len(outcomes) for outcomes in schedule(queue(100), [], opened(set(), 8))]
     assert sizes[0] == 8  # of one trial each
@@ -157,18 +158,6 @@ def test_tasks_are_made_when_they_are_handed_over_not_before() -> None:
     chunks.close()
 
 
-def test_a_queue_counts_what_waits_and_hands_out_what_was_lost_first_and_alone() -> None:
-    waiting = queue(6)
-    first = waiting.take(3)
-    assert ([each.trial for each in first], len(waiting)) == ([0, 1, 2], 3)
-    assert (waiting.give_back(first[:2]), len(waiting)) == ([], 5)
-    again = [*waiting.take(3), *waiting.take(3)]
-    assert sorted(each.trial for each in again) == [0, 1]
-    assert [each.trial for each in waiting.take(9)] == [3, 4, 5]
-    assert waiting.give_back(again) == again
-    assert not waiting
-
-
 @pytest.mark.parametrize(
     ("raised", "message"),
     [
@@ -181,7 +170,12 @@ def test_a_cluster_that_cannot_run_trials_ends_the_run_and_no_trial_is_blamed(ra
         list(schedule(queue(2), [task(0)], opened(set(), 2, raised)))
 
 
-def test_a_chunk_is_half_a_second_of_work() -> None:
+def test_a_chunk_is_half_a_second_of_work_and_trials_that_failed_do_not_make_it_longer() -> None:
+    sizer = ChunkSizer()
+    sizer.note([Outcome(0, trial, 0, None, "it raised after minutes", {}) for trial in range(5)])
+    assert sizer.chunk(100_000, 16) == 1
+    sizer.note(outcomes_of_length(CHUNK_S, 1))
+    assert sizer.chunk(100_000, 16) == 1
     for wall_s, size in ((0.01, 50), (0.1, 5), (0.4, 1), (30.0, 1)):
         sizer = ChunkSizer()
         sizer.note(outcomes_of_length(wall_s, 7))

@@ -1,20 +1,25 @@
-"""The work of a worker: simulations that are started anew give what new ones give, and notice what has changed."""
+"""The work of a worker, and of pilots: new simulations, edits that are noticed, code that crashes or never returns."""
 
-from itertools import product
-from pathlib import Path
+import time
+from itertools import count, product
 
 import pytest
 
+from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.records import Task
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
-from epuck_sim.sweep import worker
+from epuck_sim.scenario.points import Point, points
+from epuck_sim.sweep import checks, worker
+from epuck_sim.sweep.checks import time_trials
 from epuck_sim.sweep.run import run_sweep
-from epuck_sim.sweep.worker import run_chunk
+from epuck_sim.sweep.worker import LIMIT_VARIABLE, Watchdog, out_of_time, run_chunk, watchdog
 from epuck_sim.trial.model import run_trial, simulate
+from tests.cli.commands import called
 from tests.control.bench import with_step, write_soon_after
 from tests.sweep.pool_here import pool_here
+from tests.sweep.short_sweeps import begin, errors, stored
+from tests.tools import needs_compiler
 
 SHORT = {"name": "short", "stop": {"max_cycles": 4}}
 SCENARIOS = {
@@ -64,22 +69,16 @@ def test_trials_of_a_chunk_are_those_of_new_simulations(name: str, monkeypatch) 
     assert len(made) == (2 * len(tasks) if "like" in name else points_made)
 
 
-def test_a_controller_that_is_edited_between_two_chunks_is_set_up_anew(tmp_path) -> None:
+def test_a_controller_that_is_edited_between_two_chunks_is_set_up_anew_and_not_kept_if_it_fails(tmp_path, monkeypatch):
+    monkeypatch.setattr(worker, "_kept", {})
     path = tmp_path / "mine.py"
     path.write_text(with_step("actuators.left_cm_s = 1"))
     tasks = tasks_of({"stop": {"max_time_s": 1}, "robots": [{"count": 2, "controller": str(path)}]}, 2)
-    first = run_chunk(tasks)
-    assert all(each.error is None for each in first)
+    assert all(each.error is None for each in run_chunk(tasks))
+    kept = [*worker._kept]
     write_soon_after(path, with_step("1 / 0"))
     assert all("ZeroDivisionError" in str(each.error) for each in run_chunk(tasks_of(tasks[0].scenario, 2)))
-
-
-def test_a_trial_that_fails_leaves_no_simulation_behind(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(worker, "_kept", {})
-    path = tmp_path / "mine.py"
-    path.write_text(with_step("1 / 0"))
-    run_chunk(tasks_of({"stop": {"max_time_s": 1}, "robots": [{"count": 2, "controller": str(path)}]}, 2))
-    assert worker._kept == {}
+    assert [*worker._kept] == kept
 
 
 def test_no_more_simulations_are_kept_than_memory_allows(monkeypatch) -> None:
@@ -92,11 +91,176 @@ def test_no_more_simulations_are_kept_than_memory_allows(monkeypatch) -> None:
 def test_a_scenario_that_changes_on_disk_while_its_sweep_starts_runs_as_it_was_read(tmp_path) -> None:
     path, folder = tmp_path / "s.yaml", tmp_path / "run"
     path.write_text("{model: particles, trials: 2, stop: {max_cycles: 3}, sweep: {grid: {agents.count: [3, 4]}}}")
-
-    def change(_) -> None:
-        path.write_text("{model: particles, trials: 9, sweep: {grid: {agents.count: [30]}}}")
-
-    run_sweep(str(path), folder, pool_here, begin=change)
+    changed = "{model: particles, trials: 9, sweep: {grid: {agents.count: [30]}}}"
+    run_sweep(str(path), folder, pool_here, begin=lambda _: path.write_text(changed))
     assert [point.axes for point in read_points(folder)] == [{"agents.count": 3}, {"agents.count": 4}]
     assert load_scenario(folder).trials == 2
-    assert Path(path).read_text() == "{model: particles, trials: 9, sweep: {grid: {agents.count: [30]}}}"
+    assert path.read_text() == changed
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled() -> None:
+    """Have compiled code in the cache: limits here are too short for compiling it."""
+    for name in ("pair", "particles"):
+        simulate(load_scenario(name), 1)
+
+
+FATE = """
+#define PARAMETERS E_INT(fatal)
+#define MEMORY E_INT(fate) E_INT(steps)
+#include <epuck.h>
+
+void start(void) {{ memory->fate = e_random_word() % 3; }}
+
+void step(void) {{
+    memory->steps++;
+    if (parameters->fatal && memory->fate == 0 && memory->steps > 3) {{
+        {fatal}
+    }}
+}}
+"""
+
+CRASH, LOOP = "*(volatile int *)parameters->fatal = 1;", "while (memory->fate == 0) *e_swarm->serving += 0;"
+
+
+@needs_compiler
+def test_firmware_that_crashes_or_never_returns_costs_its_own_trials_alone(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.5")
+    folder = tmp_path / "run"
+    for name, fatal in (("crash", CRASH), ("loop", LOOP)):
+        (tmp_path / f"{name}.c").write_text(FATE.format(fatal=fatal))
+    (tmp_path / "sweep.yaml").write_text(
+        "robots: [{count: 1, parameters: {fatal: 1}}]\nstop: {max_time_s: 1}\ntrials: 3\nseed: 1\n"
+        "sweep: {grid: {robots.0.controller: [crash.c, loop.c]}}\n"
+    )
+    run = begin("sweep.yaml", "--out", folder, "--workers", 2, folder=tmp_path)
+    _, err = run.communicate(timeout=300)
+    assert run.returncode == 1, err
+    assert stored(folder) == 6
+    failed = errors(folder)
+    assert all("its worker died" in message for message in failed.values())
+    assert sorted(trial for _, trial in failed) == [1, 2]  # of each controller one
+    assert "robot 0, step 3: its controller has not returned for 0.5 s; its worker is ended\n" in err
+
+
+def test_a_trial_that_goes_on_may_take_longer_than_a_step(monkeypatch) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.2")
+    ended: list[str] = []
+    monkeypatch.setattr(Watchdog, "_end", lambda _, why: ended.append(why))
+    steps = count()
+    with watchdog() as dog:
+        dog.begin("a trial")
+        dog.watch_steps(lambda: (0, next(steps), "controller"))
+        began = time.process_time()
+        while time.process_time() - began < 0.6:
+            pass
+    assert ended == []
+
+
+MEASURE = """
+from itertools import count
+
+def fate(simulation):
+    for _ in count() if simulation.scenario.agents.count == 6 else ():
+        pass
+"""
+
+CURVE = """
+PARAMETERS = {"fatal": 0}
+
+def phase_shift(phase, coupling, parameters):
+    while parameters.fatal and abs(100 * phase - round(100 * phase)) > 1e-6:  # not where it is tried before trials
+        coupling += 0
+    return coupling * phase
+"""
+
+AGENTS = "{model: particles, agents: {count: 5}, stop: {max_cycles: 3}, trials: 1, KEY: VALUE, sweep: {grid: {AXIS}}}"
+
+ENDLESS = {
+    MEASURE: ("measures", "[endless.py]", "agents.count: [5, 6]"),
+    CURVE: ("response", "{curve: endless.py}", "response.parameters.fatal: [0, 1]"),
+}
+
+
+def run_endless(tmp_path, text: str, *options: object) -> tuple[dict, str]:
+    """Run trials of agents at two points; return the errors of those that failed, and what was printed as error."""
+    (tmp_path / "endless.py").write_text(text)
+    scenario = AGENTS
+    for name, value in zip(("KEY", "VALUE", "AXIS"), ENDLESS[text], strict=True):
+        scenario = scenario.replace(name, value)
+    (tmp_path / "sweep.yaml").write_text(scenario)
+    run = begin("sweep.yaml", "--out", "run", "--workers", 1, *options, folder=tmp_path)
+    _, err = run.communicate(timeout=300)
+    assert run.returncode == 1, err
+    assert stored(tmp_path / "run") == 2
+    failed = errors(tmp_path / "run")
+    assert len(failed) == 1, err
+    return failed, err
+
+
+def test_a_curve_that_never_returns_is_heard_like_a_controller(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.5")
+    failed, err = run_endless(tmp_path, CURVE)
+    assert all("its worker died" in message for message in failed.values())
+    assert ": a measure or response curve has not returned for 0.5 s; its worker is ended\n" in err
+
+
+def test_a_measure_that_never_returns_has_failed_when_its_time_is_up_and_status_says_why(tmp_path) -> None:
+    failed, err = run_endless(tmp_path, MEASURE, "--trial-timeout", 0.5)
+    assert set(failed.values()) == {out_of_time(0.5)}
+    assert "1 trial failed; run again to retry them" in err
+    assert called("status", tmp_path / "run").count(out_of_time(0.5)) == 1
+
+
+def test_a_slow_trial_ends_itself_without_its_worker_and_may_be_run_with_another_limit(tmp_path) -> None:
+    slow = load_scenario({"stop": {"max_cycles": 10**6}, "robots": [{"count": 5}], "trials": 1, "trial_timeout_s": 0.1})
+    slow = slow.model_copy(update={"stop": slow.stop.model_copy(update={"order_parameter": None})})
+    progress = run_sweep(slow, tmp_path / "run", pool_here)
+    assert (progress.stored, progress.failed) == (0, 1)
+    assert set(errors(tmp_path / "run").values()) == {out_of_time(0.1)}
+    run_sweep(slow.model_copy(update={"trial_timeout_s": 0.05}), tmp_path / "run", pool_here)
+    assert set(errors(tmp_path / "run").values()) == {out_of_time(0.05)}
+
+
+def made(*settings: str, speeds: str = "1,2,4,8"):
+    return points(load_scenario("pair", settings, [f"robots.0.parameters.speed_cm_s={speeds}"]))
+
+
+# Pilots: each point is timed once, in random order, until time is up
+
+
+def test_every_point_is_timed_once_if_there_is_time_and_no_trial_is_cut() -> None:
+    timed = time_trials(made("stop.max_cycles=2"), 60)
+    assert sorted(each.point for each in timed) == [0, 1, 2, 3]
+    assert [each.point for each in timed] != [0, 1, 2, 3]
+    assert not any(each.is_cut for each in timed)
+    assert all(each.wall_s > 0 for each in timed)
+
+
+@pytest.mark.parametrize("scenario", ["thesis", "particles"])
+def test_a_trial_that_takes_longer_is_cut(scenario: str) -> None:
+    found = points(load_scenario(scenario, ["coupling=1e-6", "stop.max_cycles=1000000000"]))
+    (timed,) = time_trials(found, 0.1)  # the trial itself would take years
+    assert timed.is_cut
+    assert timed.wall_s >= 0.1
+
+
+def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_left(monkeypatch) -> None:
+    now, budgets = [0.0], []
+
+    def time_trial(point: Point, budget_s: float) -> checks.TimedTrial:
+        budgets.append(budget_s)
+        now[0] += 2
+        return checks.TimedTrial(point.number, 2, False)
+
+    monkeypatch.setattr(checks.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(checks, "_time_trial", time_trial)
+    assert len(time_trials(made(), 5)) == 3
+    assert budgets == [0, 5, 3, 1]
+
+
+def test_a_trial_that_fails_is_reported(tmp_path) -> None:
+    (tmp_path / "bad.py").write_text(with_step("1 / 0"))
+    scenario = load_scenario("pair", [f"robots=[{{controller: {tmp_path}/bad.py, count: 2}}]"])
+    with pytest.raises(ScenarioError, match="point 0: a trial fails"):
+        time_trials(points(scenario), 1)

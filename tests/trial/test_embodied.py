@@ -1,12 +1,23 @@
-"""Claims about trials: what comes out, when they end, and that looking on changes nothing."""
+"""Trials of robots: what comes out, when they end, that looking on changes nothing, and what traces hold of them."""
 
 import contextlib
+import json
+import math
+from types import SimpleNamespace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from epuck_sim import ControllerError, Simulation, Step, load_scenario, run_trial
+from epuck_sim import ControllerError, Simulation, Step, Trace, load_scenario, run_trial
+from epuck_sim.order_parameter import order_parameter, reference_order_parameter
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial import trace as trace_module
 from epuck_sim.trial.embodied import SynchronyWatch
+from epuck_sim.util.provenance import versions
+from tests.embodied.steps import bare_step
 from tests.trial import without_wall
 
 
@@ -143,3 +154,157 @@ def test_a_firing_counts_though_the_ring_is_lit_already():
         before, was_on = step.phase_ms[0], step.ring_on[0]
     first = 1  # the phase at the start falls from nowhere
     assert watched.cycles == resets - first > edges
+
+
+TAU = 5000.0
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.floats(100, 9000)), min_size=1, max_size=30))
+def test_order_parameters_are_those_of_angles_by_each_robots_own_period(robots):
+    shares, periods = np.array(robots).T
+    angles = 2 * np.pi * shares
+    assert order_parameter(shares * periods, periods) == pytest.approx(abs(np.exp(1j * angles).mean()), abs=1e-9)
+    assert reference_order_parameter(shares * periods, periods) == pytest.approx(np.cos(angles).mean(), abs=1e-9)
+
+
+def watch(periods, step_s=0.1, **stop):
+    """Return a watch on robots with these periods in ms, NaN for no oscillator."""
+    robots = [{"count": len(periods)}]
+    timing = {"control_hz": round(1 / step_s), "physics_hz": 1000}
+    arena = {"width_cm": 200, "height_cm": 200}
+    scenario = load_scenario({"robots": robots, "stop": stop, "arena": arena, "timing": timing})
+    return SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=np.array(periods, float), events=[]))
+
+
+def step(number, rings, phase_ms):
+    """Return a step in which these rings are lit and oscillators have these phases."""
+    return bare_step(number, 0.0, np.array(rings, bool), phase_ms)
+
+
+def shown(watched, rings, phase_ms=(0, 0)):
+    """Show a watch the reference's ring, step by step, and return its cycles after each."""
+    cycles = []
+    for number, ring in enumerate(rings):
+        watched.look(step(number, [ring, not ring], phase_ms))
+        cycles.append(watched.cycles)
+    return cycles
+
+
+@pytest.mark.parametrize(
+    ("rings", "cycles"),
+    [
+        ([0, 1, 0, 1, 0], [0, 1, 1, 2, 2]),
+        ([0, 0, 1, 1, 1, 0, 1], [0, 0, 1, 1, 1, 1, 2]),
+        ([1, 1, 0, 0, 1], [1, 1, 1, 1, 2]),
+        ([0, 0, 0], [0, 0, 0]),
+    ],
+)
+def test_a_cycle_is_counted_when_the_references_ring_lights_up(rings, cycles):
+    assert shown(watch([TAU, TAU]), rings) == cycles
+    other = watch([TAU, TAU, np.nan], reference_robot=1)
+    for number, ring in enumerate(rings):
+        other.look(step(number, [not ring, ring, 0], [0, 0, 0]))
+    assert other.cycles == cycles[-1]
+
+
+@pytest.mark.parametrize(("metric", "expected"), [("complex", 1.0), ("reference", math.cos(0.4 * math.pi))])
+def test_the_metric_is_the_scenarios(metric, expected):
+    watched = watch([2000, np.nan, 8000], metric=metric)  # each has a period of its own, or none
+    assert watched.outcome == (0, None)
+    watched.look(step(0, [1, 0, 0], [400, np.nan, 1600]))
+    assert watched.order_parameter == pytest.approx(expected)
+    assert watched.is_synchronised == (expected > 0.95)
+    assert watched.outcome == (1, watched.order_parameter)
+
+
+def test_a_trial_is_censored_after_max_time_rounded_up_to_a_whole_step():
+    for control_hz, max_time_s, steps in [
+        *[(10, 0.1, 1), (10, 0.3, 3), (10, 0.7, 7), (10, 60, 600), (10, 0.25, 3), (10, 0.01, 1)],
+        *[(25, 0.28, 7), (25, 0.56, 14), (50, 0.14, 7), (100, 0.07, 7), (40, 1.1, 44), (200, 0.035, 7)],
+    ]:
+        watched = watch([TAU, TAU], 1 / control_hz, max_time_s=max_time_s)
+        for number in range(steps):
+            watched.look(step(number, [0, 0], [0, 2500]))
+            assert watched.is_over == (number + 1 == steps)
+
+
+COLUMNS = [
+    *("time_s", "robot", "x_cm", "y_cm", "heading_rad", "left_cm_s", "right_cm_s"),
+    *("ring_on", "phase_ms", "flash_seen"),
+    *(f"distance_mm_{sensor}" for sensor in range(8)),
+    *(f"infrared_{sensor}" for sensor in range(8)),
+    "camera",
+]
+
+
+def traced(path, scenario, seed=0):
+    with Trace(path, scenario, seed) as trace:
+        result = run_trial(Simulation(scenario, seed), [trace])
+    return result, pq.read_table(path)
+
+
+@pytest.fixture
+def small_chunks(monkeypatch) -> None:
+    monkeypatch.setattr(trace_module, "CHUNK_ROWS", 35)  # three steps of ten robots, and no whole number of chunks
+
+
+@pytest.mark.usefixtures("small_chunks")
+@pytest.mark.parametrize("arena", ["thesis", "spotlight"])
+def test_every_value_is_that_of_the_simulation(tmp_path, arena: str) -> None:
+    scenario = load_scenario(arena, ["stop.max_time_s=8"])
+    (tmp_path / "link.parquet").symlink_to(tmp_path / "t.parquet")
+    result, _ = traced(tmp_path / "link.parquet", scenario, 0)
+    assert result._replace(wall_s=0) == run_trial(Simulation(scenario, 0))._replace(wall_s=0)
+    table = pq.read_table(tmp_path / "t.parquet")
+    metadata = table.schema.metadata
+    assert load_scenario(parse_yaml(metadata[b"scenario"].decode(), "metadata")) == scenario
+    assert (metadata[b"seed"], json.loads(metadata[b"versions"])) == (b"0", versions())
+    assert pq.ParquetFile(tmp_path / "t.parquet").num_row_groups == -(
+        -result.steps // max(1, 35 // scenario.robot_count)
+    )
+    assert table.column_names == COLUMNS
+    assert table.num_rows == result.steps * scenario.robot_count
+    numbers = np.column_stack([table[name].to_numpy().astype(float) for name in COLUMNS[:-1]])
+    camera = np.array(table["camera"].to_pylist())
+    simulation = Simulation(scenario, 0)
+    for number, step in zip(range(result.steps), simulation, strict=False):
+        rows = slice(number * scenario.robot_count, (number + 1) * scenario.robot_count)
+        moment = np.full(scenario.robot_count, number / 10), np.arange(scenario.robot_count)
+        seen = step.ring_on, step.phase_ms, step.flash_seen, step.distance_mm, step.infrared
+        expected = np.column_stack([*moment, step.poses, step.wheels_cm_s, *seen])
+        np.testing.assert_array_equal(numbers[rows], expected)
+        np.testing.assert_array_equal(camera[rows], step.camera)
+
+
+def test_where_the_trial_fails_an_older_trace_stays_and_nothing_else_is_left(tmp_path) -> None:
+    path = tmp_path / "t.parquet"
+    path.write_text("older")
+    with pytest.raises(ZeroDivisionError), Trace(path, load_scenario("thesis"), 0):
+        1 / 0  # noqa: B018
+    assert [each.read_text() for each in tmp_path.iterdir()] == ["older"]
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_memory_and_relations_are_columns_if_asked_for(tmp_path) -> None:
+    scenario = load_scenario("thesis", ["stop.max_cycles=3"])
+    memory = ["rotation_time", "phase_ms"]
+    with Trace(tmp_path / "t.parquet", scenario, 1, memory=memory, relations=True) as trace:
+        result = run_trial(Simulation(scenario, 1), [trace])
+    table = pq.read_table(tmp_path / "t.parquet")
+    assert table.column_names == [*COLUMNS, "memory.rotation_time", "memory.phase_ms", "sees", "touches"]
+    assert table["memory.phase_ms"].to_pylist() == table["phase_ms"].to_pylist()
+    sees, touches = table["sees"].to_pylist(), table["touches"].to_pylist()
+    for number, step in zip(range(result.steps), Simulation(scenario, 1), strict=False):
+        rows = range(10 * number, 10 * number + 10)
+        assert [table["memory.rotation_time"][row].as_py() for row in rows] == step.memories[0][
+            "rotation_time"
+        ].tolist()
+        pairs = [[row % 10, seen] for row in rows for seen in sees[row]]
+        assert sorted(pairs) == sorted(step.sightings.tolist())
+        touching = [[row % 10, other] for row in rows for other in touches[row]]
+        assert sorted(touching) == sorted(
+            [*step.contacts.tolist(), *[[b, a] for a, b in step.contacts.tolist() if b >= 0]]
+        )
+    assert any(sees)
+    assert any(touches)

@@ -1,11 +1,41 @@
 """Claims about models and their trials: each is made and run as what it is, and shows how far it is."""
 
-import pytest
+import math
+import multiprocessing
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Annotated, Any, Literal
 
-from epuck_sim import ParticleSimulation, ScenarioError, Simulation
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial, simulate
-from epuck_sim.trial.result import TrialState
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import Field
+
+from epuck_sim import (
+    ParticleSimulation,
+    Scenario,
+    ScenarioError,
+    Simulation,
+    load_scenario,
+    points,
+    read_points,
+    run_sweep,
+    run_trial,
+    start_like,
+    summarize,
+)
+from epuck_sim.order_parameter import METRICS, Firing
+from epuck_sim.scenario.base import Number
+from epuck_sim.scenario.loader import SCENARIO_TYPES, write_scenario
+from epuck_sim.scenario.stop import StopSection
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.sweep.executors import local_pool
+from epuck_sim.trial import particles
+from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch, _of_random_phases, is_hopeless
+from epuck_sim.trial.model import MODELS, Model, register_model, simulate
+from epuck_sim.trial.result import TrialResult, TrialState
+from tests.particles.simulations import KINDS, any_sections, make_resting, make_simulation
 from tests.trial import without_wall
 
 
@@ -78,3 +108,279 @@ def test_one_oscillator_alone_is_never_synchronised(name: str, settings: list[st
     stop = ["stop.max_cycles=5", f"stop.metric={metric}"]
     result = run_trial(simulate(load_scenario(name, [*settings, *stop]), 1))
     assert (result.censored, result.t_sync_cycles, result.cycles, result.order_parameter) == (True, None, 5, 1)
+
+
+AGENTS = {"model": "particles", "agents": {"count": 10}, "space": {"side_cm": 60}, "start": {"like": "thesis"}}
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_agents_start_where_the_robots_of_a_trial_with_the_same_seed_do(seed):
+    robots = Simulation("thesis", seed)
+    placed = robots.last_step
+    assert placed.number == -1
+    assert robots.steps == 0
+    agents = simulate(load_scenario(AGENTS), seed)
+    assert agents.positions().tobytes() == np.ascontiguousarray(placed.poses[:, :2]).tobytes()
+    assert agents.scenario.start.phases == tuple((placed.phase_ms / 5000).tolist())
+    np.testing.assert_allclose(agents.phases(), placed.phase_ms / 5000, atol=1e-15)  # agents keep when they fire
+    x, y = np.array(agents.scenario.start.headings).T
+    assert np.abs((np.arctan2(y, x) - placed.poses[:, 2] + np.pi) % (2 * np.pi) - np.pi).max() < 1e-14
+    by_hand = ParticleSimulation({**AGENTS, "start": start_like("thesis", seed)}, seed)
+    assert by_hand.positions().tobytes() == agents.positions().tobytes()
+    assert run_trial(by_hand).cycles == run_trial(agents).cycles
+    assert next(iter(robots)).number == 0
+
+
+def test_trials_differ_in_their_starts_and_sweeps_keep_the_key():
+    scenario = load_scenario(AGENTS)
+    with pytest.raises(ScenarioError, match=r"give a ParticleSimulation start_like\(robots, seed\)"):
+        ParticleSimulation(AGENTS, 1)
+    with pytest.raises(ScenarioError, match="some robots have no phase"):
+        start_like({"robots": [{"controller": "constant"}]}, 1)
+    one, other = (simulate(scenario, seed).positions() for seed in (1, 2))
+    assert (one != other).any()
+    assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
+    swept = points(load_scenario(AGENTS, axes=["agents.speed_cm_s=1,2"]))
+    assert [point.scenario.start.like for point in swept] == ["thesis"] * 2
+
+
+def test_files_of_robots_are_found_beside_the_scenario(tmp_path):
+    (tmp_path / "robots.yaml").write_text("robots: [{count: 3}]\n")
+    (tmp_path / "agents.yaml").write_text(
+        "model: particles\nagents: {count: 3}\nneighbourhood: {kind: all}\nspace: {side_cm: 60}\n"
+        "start: {like: robots.yaml}\n"
+    )
+    scenario = load_scenario(tmp_path / "agents.yaml")
+    assert scenario.start.like == str(tmp_path / "robots.yaml")
+    assert (
+        simulate(scenario, 1).positions().tolist()
+        == Simulation(str(tmp_path / "robots.yaml"), 1).last_step.poses[:, :2].tolist()
+    )
+
+
+@pytest.mark.parametrize("metric", METRICS)
+@pytest.mark.parametrize("oscillators", [2, 3, 10, 200])
+def test_the_order_of_random_phases_is_that_of_phases_drawn_at_random(metric: str, oscillators: int) -> None:
+    phases = np.random.default_rng(1).uniform(size=(20_000, oscillators))
+    phases[:, 0] = 0.0  # the reference fires
+    orders = METRICS[metric](phases, 1.0)
+    mean, deviation = _of_random_phases(oscillators, metric)
+    assert mean == pytest.approx(orders.mean(), abs=0.02 * orders.std() + 0.016 * mean)
+    assert deviation == pytest.approx(orders.std(), rel=0.08)
+
+
+def test_what_comes_closer_to_synchrony_is_not_hopeless_and_what_stands_still_is() -> None:
+    nearer = 1 - 0.5 * 0.99 ** np.arange(CYCLES)
+    assert not is_hopeless(nearer, 10)
+    assert not is_hopeless(1 - 1e-7 * (1 - nearer), 10)  # however near it is
+    assert is_hopeless(np.full(CYCLES, 0.7), 10)
+    assert is_hopeless(np.ones(CYCLES), 1)  # one oscillator alone
+    threshold, deviation = _of_random_phases(10, "complex")
+    threshold += 3.0902 * deviation / math.sqrt(CYCLES)
+    swing = 0.1 * (-1.0) ** np.arange(CYCLES)
+    assert is_hopeless(threshold - 0.001 + swing, 10)
+    assert not is_hopeless(threshold + 0.001 + swing, 10)
+
+
+def told(orders: list[float], **state: object) -> list[tuple[int, float]]:
+    found: list[tuple[int, float]] = []
+    now = SimpleNamespace(cycles=0, is_synchronised=False, oscillators=10, **state)
+    watch = HopelessnessWatch("complex", lambda mean: found.append((now.cycles, mean)))
+    for now.order_parameter in orders:
+        now.cycles += 1
+        watch(now)
+        watch(now)  # between two cycles it may be shown the same one again
+    return found
+
+
+def test_a_hopeless_trial_is_told_of_once_from_cycles_on_that_are_enough() -> None:
+    assert told([0.2] * (CYCLES - 1)) == []
+    assert told([0.2] * 5 * CYCLES) == [(CYCLES, pytest.approx(0.2))]
+    assert told([0.9, 0.7] * CYCLES + [0.2] * 5 * CYCLES) == [(3 * CYCLES, pytest.approx(0.2))]
+    assert told([None] * 5 + [0.2] * CYCLES) == [(CYCLES + 5, pytest.approx(0.2))]
+
+
+def test_robots_that_are_hardly_coupled_are_hopeless() -> None:
+    found: list[float] = []
+    simulation = simulate(load_scenario("thesis", ["coupling=1e-6", "max_cycles=201"]), 3)
+    run_trial(simulation, progress=HopelessnessWatch("complex", found.append))
+    assert len(found) == 1
+
+
+def test_whoever_watches_the_progress_of_point_agents_sees_order_parameters_and_changes_nothing() -> None:
+    seen: list[float | None] = []
+    scenario = load_scenario("particles", ["coupling=1e-6", "max_cycles=30000"])
+    watched = run_trial(simulate(scenario, 3), progress=lambda state: seen.append(state.order_parameter))
+    assert 2 * sum(order is not None for order in seen) >= len(seen) > 2
+    assert watched._replace(wall_s=0) == run_trial(simulate(scenario, 3))._replace(wall_s=0)
+
+
+THRESHOLD = 1 - 1e-9
+
+
+def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():
+    natural = make_resting([0.9, 0.85], stop={"order_parameter": THRESHOLD})  # it makes the other one fire
+    elicited = make_resting([0.85, 0.9], stop={"order_parameter": THRESHOLD})  # the other one makes it fire
+    for swarm in (natural, elicited):
+        result = run_trial(swarm)
+        assert (result.t_sync_cycles, result.cycles, result.steps, result.censored) == (1, 1, 1, False)
+        assert result.simulated_s == pytest.approx(0.1)
+        assert result.order_parameter == 1
+
+
+@pytest.mark.parametrize(("threshold", "synchronised"), [(0.8, True), (0.82, False)])
+def test_synchronised_is_the_threshold_reached(threshold, synchronised):
+    swarm = make_resting([0.9, 0.7], response={"coupling": 0}, stop={"order_parameter": threshold, "max_cycles": 3})
+    result = run_trial(swarm)  # cos(0.2 pi) = 0.809
+    assert result.censored != synchronised
+    assert result.t_sync_cycles == (1 if synchronised else None)
+    assert result.cycles == (1 if synchronised else 3)
+
+
+def test_many_whose_order_parameter_is_1_are_synchronised_at_a_threshold_of_1():
+    swarm = make_resting(
+        [0.9] * 9_999 + [0.9 - 1.5e-7],
+        response={"coupling": 0},
+        neighbourhood={"kind": "nearest"},
+        stop={"order_parameter": 1.0},
+    )
+    swarm.run(1)
+    assert swarm.is_synchronised == (swarm.order_parameter >= 1.0)
+
+
+@pytest.mark.parametrize("max_cycles", [1, 7, 1000])
+def test_a_trial_is_censored_once_the_reference_has_fired_max_cycles_times(max_cycles):
+    swarm = make_simulation(response={"coupling": 0}, stop={"order_parameter": THRESHOLD, "max_cycles": max_cycles})
+    first = 1 - swarm.phases()[0]
+    result = run_trial(swarm)
+    assert (result.censored, result.t_sync_cycles, result.cycles) == (True, None, max_cycles)
+    assert result.simulated_s == pytest.approx(first + max_cycles - 1)
+    assert result.order_parameter < THRESHOLD
+    assert result.steps == swarm.instants
+
+
+def silenced(**stop):
+    """Return a swarm whose reference, in the middle, is set back to 0 by three others and never fires.
+
+    They are nearest to nobody, and a third of a cycle apart.
+    """
+    round_it = [[50 + 10 * math.cos(a), 50 + 10 * math.sin(a)] for a in (0, 2 * math.pi / 3, 4 * math.pi / 3)]
+    return make_resting(
+        [0.1, 0.9, 0.9 - 1 / 3, 0.9 - 2 / 3],
+        [[50.0, 50.0], *round_it],
+        response={"curve": "sawtooth", "coupling": 1.0},
+        neighbourhood={"kind": "nearest"},
+        stop={"order_parameter": THRESHOLD, **stop},
+    )
+
+
+def test_a_trial_whose_reference_never_fires_lasts_twice_max_cycles_observed_or_not_at_any_pace(monkeypatch):
+    alone = run_trial(silenced(max_cycles=20))
+    assert (alone.censored, alone.cycles, alone.order_parameter) == (True, 0, None)
+    assert alone.simulated_s == pytest.approx(40, abs=1.01)
+    watched = run_trial(silenced(max_cycles=20), [lambda _event, _swarm: None])
+    monkeypatch.setattr(particles, "SLICE_S", 0.0)
+    slowly = run_trial(silenced(max_cycles=20))
+    assert without_wall(alone) == without_wall(watched) == without_wall(slowly)
+
+
+@given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
+@settings(max_examples=12)
+def test_a_trial_is_the_same_with_observers_and_at_any_pace(data, seed, kind):
+    sections = data.draw(any_sections(kind, most_agents=8))
+    sections["stop"] |= {"max_cycles": 15}
+    plain = make_simulation(seed, **sections)
+    alone = run_trial(plain)
+    if alone.cycles < 15 and alone.censored:
+        return  # see above
+    seen = []
+    watched = run_trial(
+        make_simulation(seed, **sections), [lambda event, swarm: seen.append((swarm.cycles, len(event.fired)))]
+    )
+    shown = []
+    followed = run_trial(make_simulation(seed, **sections), progress=lambda swarm: shown.append(swarm.cycles))
+    assert without_wall(watched) == without_wall(followed) == without_wall(alone)
+    assert sum(fired > 0 for _, fired in seen) == alone.steps
+    assert seen[-1][0] == shown[-1] == alone.cycles
+    assert sum(fired for _, fired in seen) == plain.firings
+
+
+@pytest.mark.parametrize("more", [{"clocks": {"jitter": 0.1}}, {"start": {"phases": "synchronised"}}])
+def test_slices_of_a_large_swarm_are_few_pulses_even_where_all_fire_at_once(more):
+    """A cycle of 20,000 agents, each of which reaches 10,000, takes many seconds; Ctrl-C is heard between slices."""
+    agents, neighbourhood = {"count": 20_000, "speed_cm_s": 1.0}, {"kind": "nearest", "k": 10_000}
+    swarm, instants = make_simulation(1, agents=agents, neighbourhood=neighbourhood, **more), []
+
+    def interrupt(state):
+        instants.append(state.instants)
+        if len(instants) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(swarm, progress=interrupt)
+    assert instants[-1] < 100
+
+
+class DiceScenario(Scenario):
+    """A swarm that is synchronised once a die says so."""
+
+    model: Literal["dice"]
+    chance: Annotated[Number, Field(gt=0, le=1)] = 0.2
+    stop: StopSection = StopSection(order_parameter=0.95, max_cycles=50)
+
+    @property
+    def population(self) -> int:
+        return 1
+
+
+class Dice:
+    """Throws once a cycle; it is its own TrialState."""
+
+    def __init__(self, scenario: DiceScenario, seed: int) -> None:
+        self.scenario, self.seed = scenario, seed
+        self.random = np.random.default_rng(seed)
+        self.time_s, self.cycles, self.order_parameter, self.is_synchronised = 0.0, 0, None, False
+
+    @property
+    def outcome(self) -> Firing:
+        return Firing(self.cycles, self.order_parameter)
+
+
+def run(dice: Dice, observers: Any, _: Any, at_cycles: Any, conditions: Any) -> TrialResult:
+    while not (dice.is_synchronised or dice.cycles >= dice.scenario.stop.max_cycles or conditions.is_over()):
+        dice.cycles, dice.time_s = dice.cycles + 1, dice.time_s + 1.0
+        dice.is_synchronised = bool(dice.random.random() < dice.scenario.chance)
+        for observer in (*observers, *at_cycles):
+            observer(dice.cycles, dice)
+    t_sync = dice.cycles if dice.is_synchronised else None
+    numbers = dice.cycles, None, dice.cycles, dice.time_s, 1e-3
+    return TrialResult(dice.scenario.name, dice.seed, t_sync, t_sync is None, *numbers)
+
+
+MODEL = Model(DiceScenario, lambda scenario, seed, _: Dice(scenario, seed), run, lambda _: None)
+
+if multiprocessing.parent_process() is not None:  # a worker, which has to know the model to which a task belongs
+    register_model("dice", MODEL)
+
+
+@pytest.fixture(autouse=True)
+def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Register the model for a test, and no longer: other tests list the models there are."""
+    for table in (SCENARIO_TYPES, MODELS):
+        monkeypatch.setitem(table, "dice", None)
+    register_model("dice", MODEL)
+
+
+SWEEP = {"name": "dice", "model": "dice", "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
+
+
+def test_it_is_swept_by_worker_processes_stored_and_summarised(tmp_path: Path) -> None:
+    progress = run_sweep(SWEEP, tmp_path / "run", lambda: local_pool(1))
+    assert (progress.stored, progress.failed) == (40, 0)
+    stored = read_points(tmp_path / "run")
+    for point, results in zip(points(load_scenario(SWEEP)), stored, strict=True):
+        expected = [run_trial(simulate(point.scenario, point.seed(trial))) for trial in range(20)]
+        assert results.times.tolist() == [result.cycles for result in expected]
+        assert results.observed.tolist() == [not result.censored for result in expected]
+    slow, fast = summarize(stored)
+    assert slow.estimates["mean"].value > 2 * fast.estimates["mean"].value
