@@ -18,6 +18,7 @@ from epuck_sim.trial import trace as trace_module
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
 from tests.embodied.steps import bare_step
+from tests.measures.files import write
 from tests.trial import without_wall
 
 
@@ -127,18 +128,16 @@ def step(sensors, memory, actuators, parameters, random):
 
 def of_its_own(tmp_path, phase, lit, **stop):
     """Return the trial of two robots with a phase that never changes."""
-    path = tmp_path / "own.py"
-    path.write_text(f"PHASE, LIT = {phase}, {lit}\n{NEVER_FIRES}")
+    path = write(tmp_path / "own.py", f"PHASE, LIT = {phase}, {lit}\n{NEVER_FIRES}")
     return run_trial(Simulation({"robots": [{"count": 2, "controller": str(path)}], "stop": stop}, interpret=True))
 
 
-@pytest.mark.parametrize("max_cycles", [1, 3])
-def test_a_reference_that_never_fires_does_not_keep_a_trial_for_ever(max_cycles, tmp_path):
-    result = of_its_own(tmp_path, "1.0", False, max_cycles=max_cycles)
-    assert (result.censored, result.cycles, result.steps) == (True, 0, 2 * max_cycles * 51)
-
-
-def test_a_phase_that_is_no_number_is_an_error(tmp_path):
+def test_a_reference_that_never_fires_does_not_keep_a_trial_for_ever_and_a_phase_that_is_no_number_is_an_error(
+    tmp_path,
+):
+    for max_cycles in (1, 3):
+        result = of_its_own(tmp_path, "1.0", False, max_cycles=max_cycles)
+        assert (result.censored, result.cycles, result.steps) == (True, 0, 2 * max_cycles * 51)
     with pytest.raises(ControllerError, match="step 0: an oscillator's phase is not a number"):
         of_its_own(tmp_path, "float('inf')", True)
 
@@ -170,10 +169,8 @@ def test_order_parameters_are_those_of_angles_by_each_robots_own_period(robots):
 
 def watch(periods, step_s=0.1, **stop):
     """Return a watch on robots with these periods in ms, NaN for no oscillator."""
-    robots = [{"count": len(periods)}]
-    timing = {"control_hz": round(1 / step_s), "physics_hz": 1000}
-    arena = {"width_cm": 200, "height_cm": 200}
-    scenario = load_scenario({"robots": robots, "stop": stop, "arena": arena, "timing": timing})
+    timing, arena = {"control_hz": round(1 / step_s), "physics_hz": 1000}, {"width_cm": 200, "height_cm": 200}
+    scenario = load_scenario({"robots": [{"count": len(periods)}], "stop": stop, "arena": arena, "timing": timing})
     return SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=np.array(periods, float), events=[]))
 
 
@@ -182,30 +179,18 @@ def step(number, rings, phase_ms):
     return bare_step(number, 0.0, np.array(rings, bool), phase_ms)
 
 
-def shown(watched, rings, phase_ms=(0, 0)):
-    """Show a watch the reference's ring, step by step, and return its cycles after each."""
-    cycles = []
-    for number, ring in enumerate(rings):
-        watched.look(step(number, [ring, not ring], phase_ms))
-        cycles.append(watched.cycles)
-    return cycles
-
-
-@pytest.mark.parametrize(
-    ("rings", "cycles"),
-    [
+def test_a_cycle_is_counted_when_the_references_ring_lights_up():
+    for rings, cycles in (
         ([0, 1, 0, 1, 0], [0, 1, 1, 2, 2]),
         ([0, 0, 1, 1, 1, 0, 1], [0, 0, 1, 1, 1, 1, 2]),
         ([1, 1, 0, 0, 1], [1, 1, 1, 1, 2]),
         ([0, 0, 0], [0, 0, 0]),
-    ],
-)
-def test_a_cycle_is_counted_when_the_references_ring_lights_up(rings, cycles):
-    assert shown(watch([TAU, TAU]), rings) == cycles
-    other = watch([TAU, TAU, np.nan], reference_robot=1)
-    for number, ring in enumerate(rings):
-        other.look(step(number, [not ring, ring, 0], [0, 0, 0]))
-    assert other.cycles == cycles[-1]
+    ):
+        watched, other = watch([TAU, TAU]), watch([TAU, TAU, np.nan], reference_robot=1)
+        for number, ring in enumerate(rings):
+            watched.look(step(number, [ring, not ring], [0, 0]))
+            other.look(step(number, [not ring, ring, 0], [0, 0, 0]))
+            assert watched.cycles == other.cycles == cycles[number]
 
 
 @pytest.mark.parametrize(("metric", "expected"), [("complex", 1.0), ("reference", math.cos(0.4 * math.pi))])
@@ -238,31 +223,20 @@ COLUMNS = [
 ]
 
 
-def traced(path, scenario, seed=0):
-    with Trace(path, scenario, seed) as trace:
-        result = run_trial(Simulation(scenario, seed), [trace])
-    return result, pq.read_table(path)
-
-
-@pytest.fixture
-def small_chunks(monkeypatch) -> None:
-    monkeypatch.setattr(trace_module, "CHUNK_ROWS", 35)  # three steps of ten robots, and no whole number of chunks
-
-
-@pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("arena", ["thesis", "spotlight"])
-def test_every_value_is_that_of_the_simulation(tmp_path, arena: str) -> None:
+def test_every_value_is_that_of_the_simulation(tmp_path, monkeypatch, arena: str) -> None:
+    monkeypatch.setattr(trace_module, "CHUNK_ROWS", 35)  # three steps of ten robots, and no whole number of chunks
     scenario = load_scenario(arena, ["stop.max_time_s=8"])
     (tmp_path / "link.parquet").symlink_to(tmp_path / "t.parquet")
-    result, _ = traced(tmp_path / "link.parquet", scenario, 0)
+    with Trace(tmp_path / "link.parquet", scenario, 0) as trace:
+        result = run_trial(Simulation(scenario, 0), [trace])
     assert result._replace(wall_s=0) == run_trial(Simulation(scenario, 0))._replace(wall_s=0)
     table = pq.read_table(tmp_path / "t.parquet")
     metadata = table.schema.metadata
     assert load_scenario(parse_yaml(metadata[b"scenario"].decode(), "metadata")) == scenario
     assert (metadata[b"seed"], json.loads(metadata[b"versions"])) == (b"0", versions())
-    assert pq.ParquetFile(tmp_path / "t.parquet").num_row_groups == -(
-        -result.steps // max(1, 35 // scenario.robot_count)
-    )
+    groups = math.ceil(result.steps / max(1, 35 // scenario.robot_count))
+    assert pq.ParquetFile(tmp_path / "t.parquet").num_row_groups == groups
     assert table.column_names == COLUMNS
     assert table.num_rows == result.steps * scenario.robot_count
     numbers = np.column_stack([table[name].to_numpy().astype(float) for name in COLUMNS[:-1]])
@@ -285,8 +259,8 @@ def test_where_the_trial_fails_an_older_trace_stays_and_nothing_else_is_left(tmp
     assert [each.read_text() for each in tmp_path.iterdir()] == ["older"]
 
 
-@pytest.mark.usefixtures("small_chunks")
-def test_memory_and_relations_are_columns_if_asked_for(tmp_path) -> None:
+def test_memory_and_relations_are_columns_if_asked_for(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(trace_module, "CHUNK_ROWS", 35)
     scenario = load_scenario("thesis", ["stop.max_cycles=3"])
     memory = ["rotation_time", "phase_ms"]
     with Trace(tmp_path / "t.parquet", scenario, 1, memory=memory, relations=True) as trace:
@@ -297,14 +271,12 @@ def test_memory_and_relations_are_columns_if_asked_for(tmp_path) -> None:
     sees, touches = table["sees"].to_pylist(), table["touches"].to_pylist()
     for number, step in zip(range(result.steps), Simulation(scenario, 1), strict=False):
         rows = range(10 * number, 10 * number + 10)
-        assert [table["memory.rotation_time"][row].as_py() for row in rows] == step.memories[0][
-            "rotation_time"
-        ].tolist()
+        rotations = [table["memory.rotation_time"][row].as_py() for row in rows]
+        assert rotations == step.memories[0]["rotation_time"].tolist()
         pairs = [[row % 10, seen] for row in rows for seen in sees[row]]
         assert sorted(pairs) == sorted(step.sightings.tolist())
         touching = [[row % 10, other] for row in rows for other in touches[row]]
-        assert sorted(touching) == sorted(
-            [*step.contacts.tolist(), *[[b, a] for a, b in step.contacts.tolist() if b >= 0]]
-        )
+        contacts = step.contacts.tolist()
+        assert sorted(touching) == sorted([*contacts, *[[b, a] for a, b in contacts if b >= 0]])
     assert any(sees)
     assert any(touches)

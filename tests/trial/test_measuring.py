@@ -114,11 +114,8 @@ def test_a_measure_that_raises_fails_the_trial_with_file_and_line(scenario, at, 
     path = write(tmp_path / "mine.py", RAISING)
     method = {"thesis": "step", "particles": "event"}[scenario] if at == "every event" else at
     with pytest.raises(MeasureError) as caught:
-        measured(
-            {"model": {"thesis": "embodied"}.get(scenario, scenario), "measures": [{str(path): {"at": method}}]}, ()
-        )
-    name = load_scenario({"model": {"thesis": "embodied"}.get(scenario, scenario)}).name
-    assert str(caught.value) == f"{name}: measure Mine, seed 3: {path}:9: RuntimeError: not today"
+        measured(scenario, [f"{path}: {{at: {method}}}"])
+    assert str(caught.value) == f"{scenario}: measure Mine, seed 3: {path}:9: RuntimeError: not today"
 
 
 @pytest.mark.parametrize(

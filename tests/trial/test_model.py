@@ -39,12 +39,14 @@ from tests.particles.simulations import KINDS, any_sections, make_resting, make_
 from tests.trial import without_wall
 
 
-def test_robots_are_interpreted_if_wanted_and_particles_have_nothing_to_interpret() -> None:
+def test_robots_are_interpreted_if_wanted_and_particles_and_what_is_no_simulation_are_refused() -> None:
     scenario = load_scenario("pair", ["stop.max_cycles=2"])
     compiled, interpreted = (run_trial(simulate(scenario, 3, interpret=wanted)) for wanted in (False, True))
     assert without_wall(compiled) == without_wall(interpreted)
     with pytest.raises(ScenarioError, match="model: particles has no controllers to interpret; leave --interpret out"):
         simulate(load_scenario("particles"), 0, interpret=True)
+    with pytest.raises(TypeError, match=r"a trial is of a simulation, such as Simulation\('thesis', seed=1\)"):
+        run_trial("thesis")
 
 
 @pytest.mark.parametrize(("name", "kind"), [("pair", Simulation), ("particles", ParticleSimulation)])
@@ -74,11 +76,6 @@ def test_a_trial_is_run_as_its_model_s_once_and_progress_is_shown_before_observe
         assert seen == list(range(1, expected.steps + 1))
 
 
-def test_what_is_no_simulation_is_refused() -> None:
-    with pytest.raises(TypeError, match=r"a trial is of a simulation, such as Simulation\('thesis', seed=1\)"):
-        run_trial("thesis")
-
-
 @pytest.mark.parametrize(
     ("name", "settings"), [("thesis", []), ("particles", ["agents.speed_cm_s=50", "agents.count=6"])]
 )
@@ -94,20 +91,12 @@ def test_synchrony_at_the_very_limit_of_cycles_is_not_censored(name: str, settin
 
 
 @pytest.mark.parametrize("metric", ["complex", "reference"])
-@pytest.mark.parametrize(
-    ("name", "settings"),
-    [
-        ("thesis", ["robots.0.count=1"]),
-        *(
-            ("particles", ["agents.count=1", f"neighbourhood={{kind: {rule}}}"])
-            for rule in ("nearest", "all", "cone_of_vision, angle_deg: 90")
-        ),
-    ],
-)
-def test_one_oscillator_alone_is_never_synchronised(name: str, settings: list[str], metric: str) -> None:
-    stop = ["stop.max_cycles=5", f"stop.metric={metric}"]
-    result = run_trial(simulate(load_scenario(name, [*settings, *stop]), 1))
-    assert (result.censored, result.t_sync_cycles, result.cycles, result.order_parameter) == (True, None, 5, 1)
+def test_one_oscillator_alone_is_never_synchronised(metric: str) -> None:
+    stop, rules = ["stop.max_cycles=5", f"stop.metric={metric}"], ("nearest", "all", "cone_of_vision, angle_deg: 90")
+    alone = [["agents.count=1", f"neighbourhood={{kind: {rule}}}"] for rule in rules]
+    for name, one in (("thesis", ["robots.0.count=1"]), *(("particles", each) for each in alone)):
+        result = run_trial(simulate(load_scenario(name, [*one, *stop]), 1))
+        assert (result.censored, result.t_sync_cycles, result.cycles, result.order_parameter) == (True, None, 5, 1)
 
 
 AGENTS = {"model": "particles", "agents": {"count": 10}, "space": {"side_cm": 60}, "start": {"like": "thesis"}}
@@ -152,10 +141,8 @@ def test_files_of_robots_are_found_beside_the_scenario(tmp_path):
     )
     scenario = load_scenario(tmp_path / "agents.yaml")
     assert scenario.start.like == str(tmp_path / "robots.yaml")
-    assert (
-        simulate(scenario, 1).positions().tolist()
-        == Simulation(str(tmp_path / "robots.yaml"), 1).last_step.poses[:, :2].tolist()
-    )
+    robots = Simulation(str(tmp_path / "robots.yaml"), 1)
+    assert simulate(scenario, 1).positions().tolist() == robots.last_step.poses[:, :2].tolist()
 
 
 @pytest.mark.parametrize("metric", METRICS)
@@ -238,12 +225,8 @@ def test_synchronised_is_the_threshold_reached(threshold, synchronised):
 
 
 def test_many_whose_order_parameter_is_1_are_synchronised_at_a_threshold_of_1():
-    swarm = make_resting(
-        [0.9] * 9_999 + [0.9 - 1.5e-7],
-        response={"coupling": 0},
-        neighbourhood={"kind": "nearest"},
-        stop={"order_parameter": 1.0},
-    )
+    sections = {"response": {"coupling": 0}, "neighbourhood": {"kind": "nearest"}, "stop": {"order_parameter": 1.0}}
+    swarm = make_resting([0.9] * 9_999 + [0.9 - 1.5e-7], **sections)
     swarm.run(1)
     assert swarm.is_synchronised == (swarm.order_parameter >= 1.0)
 
@@ -293,11 +276,9 @@ def test_a_trial_is_the_same_with_observers_and_at_any_pace(data, seed, kind):
     alone = run_trial(plain)
     if alone.cycles < 15 and alone.censored:
         return  # see above
-    seen = []
-    watched = run_trial(
-        make_simulation(seed, **sections), [lambda event, swarm: seen.append((swarm.cycles, len(event.fired)))]
-    )
-    shown = []
+    seen, shown = [], []
+    look = [lambda event, swarm: seen.append((swarm.cycles, len(event.fired)))]
+    watched = run_trial(make_simulation(seed, **sections), look)
     followed = run_trial(make_simulation(seed, **sections), progress=lambda swarm: shown.append(swarm.cycles))
     assert without_wall(watched) == without_wall(followed) == without_wall(alone)
     assert sum(fired > 0 for _, fired in seen) == alone.steps
@@ -319,6 +300,9 @@ def test_slices_of_a_large_swarm_are_few_pulses_even_where_all_fire_at_once(more
     with pytest.raises(KeyboardInterrupt):
         run_trial(swarm, progress=interrupt)
     assert instants[-1] < 100
+
+
+# A third model, of thirty lines: it is read, run, swept, stored and summarised as the others
 
 
 class DiceScenario(Scenario):
@@ -363,22 +347,15 @@ if multiprocessing.parent_process() is not None:  # a worker, which has to know 
     register_model("dice", MODEL)
 
 
-@pytest.fixture(autouse=True)
-def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Register the model for a test, and no longer: other tests list the models there are."""
-    for table in (SCENARIO_TYPES, MODELS):
+def test_a_third_model_is_swept_by_worker_processes_stored_and_summarised(tmp_path: Path, monkeypatch) -> None:
+    for table in (SCENARIO_TYPES, MODELS):  # for this test, and no longer: others list the models there are
         monkeypatch.setitem(table, "dice", None)
     register_model("dice", MODEL)
-
-
-SWEEP = {"name": "dice", "model": "dice", "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
-
-
-def test_it_is_swept_by_worker_processes_stored_and_summarised(tmp_path: Path) -> None:
-    progress = run_sweep(SWEEP, tmp_path / "run", lambda: local_pool(1))
+    sweep = {"name": "dice", "model": "dice", "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
+    progress = run_sweep(sweep, tmp_path / "run", lambda: local_pool(1))
     assert (progress.stored, progress.failed) == (40, 0)
     stored = read_points(tmp_path / "run")
-    for point, results in zip(points(load_scenario(SWEEP)), stored, strict=True):
+    for point, results in zip(points(load_scenario(sweep)), stored, strict=True):
         expected = [run_trial(simulate(point.scenario, point.seed(trial))) for trial in range(20)]
         assert results.times.tolist() == [result.cycles for result in expected]
         assert results.observed.tolist() == [not result.censored for result in expected]
