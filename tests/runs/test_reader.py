@@ -135,8 +135,8 @@ class Grown:
         cursor = self._connection.execute(query, *values)
         point = stored_point(points(scenario_of({"grid": {COUNT: [9], SPEED: [9]}}))[0])._replace(number=4)
         with closing(sqlite3.connect(self._path)) as other, other:
-            row = {name: 1 for _, name, *_ in other.execute("PRAGMA table_info(trials)")} | {"point": point.key}
-            row |= {"error": None}
+            columns = [name for _, name, *_ in other.execute("PRAGMA table_info(trials)")]
+            row = dict.fromkeys(columns, 1) | {"point": point.key, "error": None}
             other.execute(ENTER_POINT, point)
             other.execute(f"INSERT OR IGNORE INTO trials VALUES ({', '.join('?' * len(row))})", [*row.values()])
         return cursor
@@ -205,7 +205,7 @@ def test_there_is_a_row_for_each_trial_in_the_order_of_the_sweep(tmp_path) -> No
     assert math.isnan(frame["t_sync_cycles"][1])
 
 
-def test_the_measure_asked_for_is_a_column_and_trials_without_t_sync_are_neither_censored_nor_not() -> None:
+def test_the_measure_asked_for_is_a_column_and_trials_without_t_sync_are_neither_censored_nor_not(monkeypatch) -> None:
     without = {"has_t_sync": False, "measured": (0.5, [1, 2]), "of": "order"}
     points = SweepTrials(
         point._replace(observed=point.observed & False, **without) for point in in_memory(FOUR, half_censored)
@@ -215,12 +215,9 @@ def test_the_measure_asked_for_is_a_column_and_trials_without_t_sync_are_neither
     assert frame["censored"].tolist() == [None] * 8
     assert frame["t_sync_cycles"].isna().all()
     assert points._repr_html_().count("<td>-</td>") == 4
-
-
-def test_without_pandas_it_says_what_is_missing(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(EpuckSimError, match="to_pandas needs pandas, which is not installed: pip install pandas"):
-        SweepTrials(in_memory(FOUR, half_censored)).to_pandas()
+        points.to_pandas()
 
 
 RESULT = {
@@ -281,12 +278,9 @@ def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folde
             store.add([each])
     expected = []
     for each in ended:
-        result = each.result._asdict()
-        expected.append(
-            found[each.point].axes
-            | {name: result[name] for name in RESULT if name in result}
-            | {"point": each.point, "trial": each.trial, **versions(), "host": host()}
-        )
+        numbers = {name: value for name, value in each.result._asdict().items() if name in RESULT}
+        place = {"point": each.point, "trial": each.trial}
+        expected.append({**found[each.point].axes, **numbers, **place, **MADE_BY})
     assert parquet_of(folder).to_pylist() == expected
     read = [
         {name: text if name in MAKING else json.loads(text or "null") for name, text in row.items()}
@@ -305,15 +299,6 @@ def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -
     assert folder.with_name("results.csv").read_text().startswith(f'"{COUNT}","{SPEED}","seed"')
 
 
-def exported_axis(folder: Path, key: str, values: list) -> list:
-    """Return the column of an axis in the Parquet file; that of the CSV holds the same, as text."""
-    fill(folder, scenario_of({"grid": {key: values}}, trials=1))
-    column = parquet_of(folder)[key].to_pylist()
-    written = [row[key] for row in csv_of(folder)]
-    assert written == ["" if value is None else value if isinstance(value, str) else f"{value:g}" for value in column]
-    return column
-
-
 @pytest.mark.parametrize(
     ("key", "values", "expected"),
     [
@@ -329,8 +314,12 @@ def exported_axis(folder: Path, key: str, values: list) -> list:
     ],
     ids=str,
 )
-def test_axis_values_keep_their_kinds(folder, key: str, values: list, expected: list) -> None:
-    assert exported_axis(folder, key, values) == expected
+def test_axis_values_keep_their_kinds_and_are_the_same_in_text(folder, key: str, values: list, expected: list) -> None:
+    fill(folder, scenario_of({"grid": {key: values}}, trials=1))
+    column = parquet_of(folder)[key].to_pylist()
+    assert column == expected
+    written = [row[key] for row in csv_of(folder)]
+    assert written == ["" if value is None else value if isinstance(value, str) else f"{value:g}" for value in column]
 
 
 def test_values_are_under_their_own_keys_however_the_points_list_them(folder) -> None:

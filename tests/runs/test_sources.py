@@ -1,7 +1,6 @@
 """Run folders are complete: users' files lie in them, with digests, and `verify` looks at all of it."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -66,13 +65,12 @@ def test_files_of_the_same_name_that_come_later_lie_beside_the_first(made: Path,
         pass
     assert (made / "sources" / "coverage.py").read_text() == MEASURE
     assert "other" in (made / "sources-2" / "coverage.py").read_text()
-    assert [each.measure.rpartition("/")[2] for each in load_scenario(made).measures] == [
-        "coverage.py:coverage",
-        "coverage.py:other",
-    ]
+    names = [each.measure.rpartition("/")[2] for each in load_scenario(made).measures]
+    assert names == ["coverage.py:coverage", "coverage.py:other"]
 
 
-def test_a_merged_folder_is_complete_too(made: Path, tmp_path: Path) -> None:
+def test_what_a_run_has_put_into_its_folder_is_trusted_and_a_merged_one_is_complete(made: Path, tmp_path: Path) -> None:
+    assert is_trusted(made)
     merge_folders([made], tmp_path / "whole")
     shutil.rmtree(made)
     assert all(each.is_whole for each in verify(tmp_path / "whole"))
@@ -94,19 +92,12 @@ def flip(path: Path) -> None:
         (Path.unlink, "sources/here/helper.py", "sources/here/helper.py: cannot be read: No such file", 1),
         (flip, "results.sqlite", "results.sqlite: is damaged: ", 1),
         (Path.unlink, "results.sqlite", "is not a run folder", 2),
-        (
-            lambda path: path.write_text("0" * 64 + path.read_text()[64:]),
-            "SHA256SUMS",
-            ": is damaged, or was changed",
-            1,
-        ),
+        (lambda p: p.write_text("0" * 64 + p.read_text()[64:]), "SHA256SUMS", ": is damaged, or was changed", 1),
         (lambda path: path.write_text("a"), "SHA256SUMS", "SHA256SUMS: is damaged: 'a' is no digest", 1),
         (Path.unlink, "SHA256SUMS", "scenario.yaml: has no digest: an earlier version has written it", 0),
     ],
 )
-def test_verify_names_what_is_not_as_it_was_written(
-    made: Path, spoil: Callable[[Path], object], name: str, says: str, code: int
-) -> None:
+def test_verify_names_what_is_not_as_it_was_written(made: Path, spoil, name: str, says: str, code: int) -> None:
     whole = call("verify", made)
     assert whole.exit_code == 0
     assert "results.sqlite: 12 of 12 trials of demo, each with its checksum\n" in whole.stdout
@@ -140,9 +131,7 @@ def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize("command", ["page --to x.html", "play", "predict", "compare-film"])
-def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(
-    foreign: Path, tmp_path: Path, command: str
-) -> None:
+def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(foreign, tmp_path, command: str) -> None:
     name, *options = command.split()
     film = [tmp_path / "film.mp4"] if name == "compare-film" else []
     assert "brings code that you have not run" in refused(name, *film, foreign, *options)
@@ -168,7 +157,3 @@ def test_what_runs_a_folder_asks_for_trust_once(foreign: Path, tmp_path: Path, m
 def test_a_merged_folder_is_trusted_as_its_parts(foreign: Path, tmp_path: Path) -> None:
     merge_folders([foreign], tmp_path / "whole")
     assert not is_trusted(tmp_path / "whole")
-
-
-def test_what_a_run_has_put_into_its_folder_is_trusted(made: Path) -> None:
-    assert is_trusted(made)
