@@ -1,5 +1,6 @@
 """Measures of who sees and hears whom, links, words and suspicions: each against a slow twin."""
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -26,9 +27,8 @@ def slow_links(_, simulation):
     return {(sender, receiver) for sender, row in enumerate(receivers) for receiver in np.flatnonzero(row).tolist()}
 
 
-def links_of_agents():
-    """Return an observer, and the list of the sets of links that it sees at each cycle."""
-    return at_cycles(slow_links)
+links_of_agents = partial(at_cycles, slow_links)
+"""Returns an observer, and the list of the sets of links that it sees at each cycle."""
 
 
 def links_of_robots():
@@ -149,7 +149,7 @@ def test_links_are_found_by_cells_as_without(boundary):
 
 
 FEW = {**AGENTS, "agents": {"count": 12, "speed_cm_s": 20.0}}
-CROWD = {**ROBOTS, "robots": [{"count": 6, "camera": {"field_of_view_deg": 120}}]}
+FACING = {**ROBOTS, "robots": [{"count": 6, "camera": {"field_of_view_deg": 120}}]}
 
 
 class SlowWords:
@@ -195,7 +195,7 @@ class SlowWords:
 
 
 @pytest.mark.parametrize("rule", ["naming_game", "voter"])
-@pytest.mark.parametrize(("sections", "count"), [(FEW, 12), (CROWD, 6)], ids=["agents", "robots"])
+@pytest.mark.parametrize(("sections", "count"), [(FEW, 12), (FACING, 6)], ids=["agents", "robots"])
 def test_the_words_of_a_trial_are_those_of_a_slow_twin(sections, count, rule):
     twin = SlowWords(count, rule)
     _, series = run({"words": {"rule": rule}}, twin, **sections)
@@ -203,17 +203,13 @@ def test_the_words_of_a_trial_are_those_of_a_slow_twin(sections, count, rule):
     assert series[-1] < count
 
 
-@pytest.mark.parametrize("sections", [FEW, CROWD], ids=["agents", "robots"])
-def test_consensus_is_when_one_word_is_left(sections):
-    stop = {**sections["stop"], "max_cycles": 400}
-    _, words = run({"words": {"rule": "voter"}}, **{**sections, "stop": {**stop, "order_parameter": None}})
-    _, agreed = run({"consensus": {"rule": "voter"}}, **{**sections, "stop": {**stop, "order_parameter": None}})
-    assert 1 in words
-    assert words.index(1) in (agreed, agreed + 1)  # words are counted at firings, agreement is noted at once
-    assert set(words[words.index(1) :]) == {1}
-
-
-def test_nobody_agrees_who_hears_nobody():
+def test_consensus_is_when_one_word_is_left_and_nobody_agrees_who_hears_nobody():
+    for model in (FEW, FACING):
+        sections = {**model, "stop": {"max_cycles": 400, "order_parameter": None}}
+        _, words, agreed = run({"words": {"rule": "voter"}}, more=[{"consensus": {"rule": "voter"}}], **sections)
+        assert 1 in words
+        assert words.index(1) in (agreed, agreed + 1)  # words are counted at firings, agreement is noted at once
+        assert set(words[words.index(1) :]) == {1}
     alone = {**AGENTS, "agents": {"count": 3, "speed_cm_s": 0.0}, "space": {"side_cm": 1000}}
     alone["neighbourhood"] = {"kind": "cone_of_vision", "angle_deg": 1, "radius_cm": 0.001}
     _, agreed = run("consensus", **alone)
@@ -247,18 +243,12 @@ def test_a_fault_amid_many_steps_is_noticed_as_in_steps_one_by_one(at_s):
     assert value(*given) == value(*given, observers=[lambda *_: None])
 
 
-def test_all_that_fail_must_be_found():
+def test_all_that_fail_must_be_found_and_without_faults_there_is_no_delay_but_there_are_alarms_of_the_impatient():
     three = [{"poses": [*FACE_TO_FACE, [50.0, 30.0, 0.0]], "controller": "oscillator"}]
     assert value("detection_delay", 60, [{"kind": "ring_dead", "robots": [1]}], three) is not None
     assert value("detection_delay", 60, [{"kind": "ring_dead", "robots": [1, 2]}], three) is None
-
-
-def test_without_faults_there_is_no_delay_and_who_is_always_in_view_gives_no_alarm():
     assert value("detection_delay", 60) is None
-    assert value({"false_alarms": {"cycles": 1.1}}, 600) == 0
-
-
-def test_impatient_robots_suspect_each_other_once_a_cycle():
+    assert value({"false_alarms": {"cycles": 1.1}}, 600) == 0  # who is always in view
     alarms = value({"false_alarms": {"cycles": 0.5}}, 600)
     assert alarms == pytest.approx(3600 / PERIOD_S, rel=0.12)  # coupling shortens cycles
 

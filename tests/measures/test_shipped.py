@@ -28,10 +28,8 @@ CYCLES = 12
 
 def run(measure, observer=None, seed=5, more=(), **sections):
     """Return the simulation after a trial, and the value of the measure, and of more."""
-    loaded = load_scenario(
-        {"measures": [measure, *more], **sections, "stop": {"max_cycles": CYCLES, **sections.get("stop", {})}}
-    )
-    simulation = simulate(loaded, seed)
+    stop = {"max_cycles": CYCLES, **sections.get("stop", {})}
+    simulation = simulate(load_scenario({"measures": [measure, *more], **sections, "stop": stop}), seed)
     watch = [lambda event, state: observer(event, state, simulation)] if observer else []
     return simulation, *run_trial(simulation, watch).measures.values()
 
@@ -62,32 +60,26 @@ def positions(event, simulation):
 
 
 def test_what_there_is_not_is_none_and_what_stays_is_the_same():
+    mute, at_once = {"robots": [{"controller": "obstacle_avoidance"}]}, {"stop": {"max_time_s": 0.1}}
+    still = {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}
+    # in range of each other, with more links than there was room for at first
+    crowd = {**AGENTS, "agents": {"count": 40, "speed_cm_s": 1}, "neighbourhood": {"kind": "range", "radius_cm": 150}}
     for measure, sections, value in [
-        *(
-            (name, {"robots": [{"controller": "obstacle_avoidance"}]}, value)
-            for name, value in (
-                ("cluster_count", [0] * CYCLES),
-                ("largest_cluster", [None] * CYCLES),
-                ("threshold_cycles", [None] * 5),
-                ("below_threshold", None),
-                ("stays_above", None),
-            )
-        ),
+        ("cluster_count", mute, [0] * CYCLES),
+        ("largest_cluster", mute, [None] * CYCLES),
+        ("threshold_cycles", mute, [None] * 5),
+        ("below_threshold", mute, None),
+        ("stays_above", mute, None),
         ("cluster_life", {**AGENTS, "response": {"coupling": 0}}, None),
-        ("neighbour_change", {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}, [None] + [0.0] * (CYCLES - 1)),
-        ("link_life", {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}, None),
-        ("spanning_time", {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}, None),
-        # forty agents in range of each other have more links than there was room for at first
-        (
-            "degree",
-            {**AGENTS, "agents": {"count": 40, "speed_cm_s": 1}, "neighbourhood": {"kind": "range", "radius_cm": 150}},
-            [39.0] * CYCLES,
-        ),
+        ("neighbour_change", still, [None] + [0.0] * (CYCLES - 1)),
+        ("link_life", still, None),
+        ("spanning_time", still, None),
+        ("degree", crowd, [39.0] * CYCLES),
         ("velocity_correlation_time", {**AGENTS, "space": {"side_cm": 1e6}}, None),
-        ("coverage", {"stop": {"max_time_s": 0.1}}, None),
-        ("density", {"stop": {"max_time_s": 0.1}}, []),
-        ("near_walls", {"stop": {"max_time_s": 0.1}}, None),
-        ("mean_speed", {"stop": {"max_time_s": 0.1}}, None),
+        ("coverage", at_once, None),
+        ("density", at_once, []),
+        ("near_walls", at_once, None),
+        ("mean_speed", at_once, None),
     ]:
         assert run(measure, **sections)[1] == value
 
@@ -170,27 +162,18 @@ def test_the_order_parameter_is_that_of_the_phases_at_each_cycle(sections, metri
     assert series == pytest.approx([float(METRICS[metric](each, 1.0)) for each in seen], abs=1e-12)
 
 
-orders = st.lists(st.sampled_from([0.2, 0.5, 0.8, 0.95, 1.0]), max_size=12)
-
-
 def told(measure, series):
     for cycle, order in enumerate(series, 1):
         measure.cycle(None, SimpleNamespace(order_parameter=order, cycles=cycle))
     return measure.value()
 
 
-@given(orders)
-def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them(series):
-    found = told(ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), series)
-    expected = [
-        next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None)
-        for threshold in (0.9, 0.5, 0.9)
-    ]
-    assert found == expected
+@given(st.lists(st.sampled_from([0.2, 0.5, 0.8, 0.95, 1.0]), max_size=12))
+def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them_and_later_ones_are_above_or_not(series):
+    def reached(threshold):
+        return next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None)
 
-
-@given(orders)
-def test_later_cycles_are_those_after_the_threshold_is_reached(series):
+    assert told(ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), series) == [*map(reached, (0.9, 0.5, 0.9))]
     first = next((place for place, order in enumerate(series) if order >= 0.8), len(series))
     later = series[first + 1 :]
     below = [order < 0.8 for order in later]
@@ -282,11 +265,8 @@ def test_flashes_of_others_are_counted_one_by_one():
                 if end is None or end >= len(rings):
                     continue
                 flashes += 1
-                views += [
-                    sum((other, robot) in sightings[step] for step in range(begin, end))
-                    for other in range(10)
-                    if other != robot
-                ]
+                others = [other for other in range(10) if other != robot]
+                views += [sum((other, robot) in sightings[step] for step in range(begin, end)) for other in others]
     assert missed == pytest.approx(np.mean([number == 0 for number in views]))
     assert repeated == pytest.approx(np.mean([number > 1 for number in views if number]))
     assert 0 < missed < 1
@@ -394,12 +374,8 @@ def test_one_of_several_is_chosen_by_name(tmp_path):
     write(tmp_path / "mine.py", COUNTER + TELLTALE + "\ndef helper(): pass\n")
     for name in SHIPPED:
         measure = find_measure(name)
-        assert (measure.name, measure.stored_name, dict(measure.sources), measure.is_function) == (
-            name,
-            name,
-            {},
-            False,
-        )
+        assert (measure.name, measure.stored_name, dict(measure.sources)) == (name, name, {})
+        assert not measure.is_function
         assert measure.make.__doc__.strip()
     measure = find_measure("mine.py:Telltale", tmp_path)
     assert (measure.name, measure.stored_name) == ("Telltale", f"{tmp_path}/mine.py:Telltale")

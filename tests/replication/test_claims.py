@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from docs.trials import DOCS, PAGE, TABLES, Tables, write_page
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
-from epuck_sim.replication.claims import SHIPPED, Check, Claim, largest_shift, order_zero, read_claims, sigma_a, sigma_b
+from epuck_sim.replication.claims import Check, Claim, largest_shift, order_zero, read_claims, sigma_a, sigma_b
 from epuck_sim.replication.criteria import Effect, student
 from epuck_sim.replication.page import describe_check
 from epuck_sim.replication.sweeps import check_claim, needed_sweeps, sweep_scenario
@@ -84,9 +84,7 @@ def test_points_are_compared_up_to_the_lowest_of_their_limits() -> None:
 def test_points_of_a_ratio_are_paired_by_their_other_axes() -> None:
     """Not by their order; and those without another do not count."""
     rows = [(0.1, 1, 3), (0.1, 10, 3), (0.1, 7, 3), (0.2, 10, 5), (0.2, 1, 5)]
-    listed = [
-        dict(zip((COUPLING, SPEED, COUNT), row, strict=True)) for row in rows
-    ]  # the count is tied to the coupling
+    listed = [dict(zip((COUPLING, SPEED, COUNT), row, strict=True)) for row in rows]  # the count is tied to the first
     times = {1: [10, 20, 30, 40, 50], 10: [1, 2, 3, 4, 5], 7: [60] * 5}
     points = in_memory(sweep(sweep={"points": listed}, trials=5), lambda point: ended(times[point.axes[SPEED]]))
     ratio = Check.model_validate({"test": "ratio", "between": [{COUPLING: 0.1}, {COUPLING: 0.2}], "above": 1})
@@ -107,9 +105,8 @@ def test_what_one_test_decides_many_may_not() -> None:
 
 def test_a_formula_is_not_corrected_and_corrects_nothing() -> None:
     formula = Check.model_validate({"test": "formula", "number": "sigma_a", "above": 0})
-    exact = Finding(
-        formula, Effect(student(1, 0, 0).estimate, lambda x: float(x > 1), lambda x: float(x < 1)), (0, 0), 0
-    )
+    effect = Effect(student(1, 0, 0).estimate, lambda x: float(x > 1), lambda x: float(x < 1))
+    exact = Finding(formula, effect, (0, 0), 0)
     alone = finding(student(2.1, 1.0, 100), above=0)
     first, second = judge_claims([claimed(exact, exact, alone), claimed(exact)])
     assert [each.verdict for each in first.checks] == [HOLDS] * 3
@@ -192,16 +189,13 @@ def test_each_is_a_short_sentence_of_a_line_of_the_text_in_the_order_of_its_sect
     assert all(at[one][1] <= at[other][0] for one, other in pairwise(ordered))
 
 
-def test_all_72_claims_are_there_and_what_cannot_be_true_or_false_by_trials_is_named() -> None:
+def test_all_72_claims_are_there_what_trials_cannot_decide_is_named_and_rises_have_a_margin_as_ratios_have() -> None:
     assert [claim.id for claim in CLAIMS.claims] == [f"R{number}" for number in range(1, 73)]
     assert sum(bool(claim.checks) for claim in CLAIMS.claims) >= 58
     by_kind = {kind: {c.id for c in CLAIMS.claims if getattr(c, kind)} for kind in ("identity", "no_claim", "reading")}
     assert by_kind["identity"] == {"R6", "R8", "R32", "R37", "R64"}
     assert by_kind["no_claim"] == {"R14", "R28", "R34", "R71"}
     assert by_kind["reading"] == {"R29", "R35", "R45", "R50", "R54", "R55", "R57", "R63"}
-
-
-def test_rises_have_one_margin_and_thresholds_of_ratios_are_positive() -> None:
     for claim in CLAIMS.claims:
         for check in claim.checks:
             if check.test == "largest_rise" and claim.id not in ("R3", "R61"):  # of which another number is asked
@@ -239,7 +233,6 @@ def test_numbers_that_follow_from_equations_fulfil_these() -> None:
     assert sigma_b() == pytest.approx(math.sqrt(2 / (5 * robots) * robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))
 
 
-CLAIMS = read_claims(SHIPPED)
 SMALL_BYTES = 20_000  # size of the tables that are read in each run of the tests
 
 SMALL = sorted(file.name.removesuffix(".csv.gz") for file in TABLES.glob("*.gz") if file.stat().st_size < SMALL_BYTES)

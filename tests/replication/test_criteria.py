@@ -118,9 +118,8 @@ def test_the_largest_rise_is_that_of_all_pairs(curve, threshold) -> None:
         lows.append(one.estimate.value * (one.estimate.value / one.estimate.high) ** wider)
     assert effect.estimate.low == pytest.approx(max(lows))
     assert effect.p_below(threshold) == pytest.approx(max(one.p_below(threshold) for one in each))
-    assert effect.p_above(threshold) == pytest.approx(
-        min(1, len(each) * min(one.p_above(threshold) for one in each)), rel=1e-6
-    )
+    smallest = min(one.p_above(threshold) for one in each)
+    assert effect.p_above(threshold) == pytest.approx(min(1, len(each) * smallest), rel=1e-6)
 
 
 def test_only_rises_count_and_only_within_a_curve() -> None:
@@ -141,9 +140,8 @@ def test_a_slope_is_that_of_weighted_least_squares_and_less_sure_where_points_sc
     reach = stats.t.ppf(0.975, 3) * math.sqrt(covariance[0, 0])
     assert effect.estimate.ends == pytest.approx((expected, expected - reach, expected + reach))
     straight = [lognormal(3 * place, 40, 5) for place in x]  # of one seed, exactly on a line
-    _, unscaled = np.polyfit(
-        np.log(x), np.log(x), 1, w=[m.mean / m.error for m in map(mean_with_error, straight)], cov="unscaled"
-    )
+    weights = [each.mean / each.error for each in map(mean_with_error, straight)]
+    _, unscaled = np.polyfit(np.log(x), np.log(x), 1, w=weights, cov="unscaled")
     width = slope(np.log(x), straight).estimate.high - 1
     assert width == pytest.approx(stats.t.ppf(0.975, 3) * math.sqrt(unscaled[0, 0]))
 
@@ -189,15 +187,12 @@ def test_superiority_is_tested_as_brunner_and_munzel_do(first, second) -> None:
     check_p_values(effect, 0.5, partial(stats.brunnermunzel, first, second), "less", "greater")
 
 
-def test_censored_trials_are_ties_and_few_trials_tell_nothing() -> None:
+def test_censored_trials_are_ties_few_trials_tell_nothing_and_equal_distributions_are_within_some_of_a_half() -> None:
     first, second = times([10, 20, 30, 5000, 9000, 7000]), times([10, 20, 30, 1000, 2000, 3000])
     assert criteria.superiority(first, second).estimate.value == 0.5
     assert math.isnan(criteria.superiority(measured([1, 2, 3]), measured([5, 6, 7, 8, 9])).estimate.value)
     apart = criteria.superiority(measured([1, 2, 3, 4, 5]), measured([6, 7, 8, 9, 10]))
     assert apart.p_above(0.5) == 1  # no overlap shows no scatter
-
-
-def test_equal_distributions_are_within_some_of_a_half() -> None:
     effect = criteria.superiority(lognormal(10, 900, 1), lognormal(10, 900, 2))
     assert effect.p_above(0.4) < 1e-6
     assert effect.p_below(0.6) < 1e-6
@@ -377,14 +372,11 @@ def test_shifted_lines_are_apart_by_slope_times_shift_where_both_are(slope, shif
     assert spread(courses) == pytest.approx(slope * shift / math.sqrt(2), rel=1e-6)
 
 
-def test_the_order_of_points_and_of_curves_does_not_matter() -> None:
+def test_the_order_of_points_and_of_curves_does_not_matter_nor_do_places_that_one_curve_reaches_alone() -> None:
     rng = np.random.default_rng(1)
     courses = [(rng.normal(size=9), rng.normal(size=9)) for _ in range(4)]
     mixed = [tuple(np.array(each)[:, rng.permutation(9)]) for each in courses[::-1]]
     assert spread(mixed) == pytest.approx(spread(courses))
-
-
-def test_places_that_one_curve_reaches_alone_do_not_count() -> None:
     near, far = (X, 0 * X), (X + 2, 0 * X + 1)
     longer = (np.append(X, 50), np.append(0 * X, 900))
     assert spread([near, far]) == pytest.approx(math.sqrt(0.5))
