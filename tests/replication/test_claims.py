@@ -13,21 +13,12 @@ from hypothesis import strategies as st
 
 from docs.trials import DOCS, PAGE, TABLES, Tables, write_page
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
+from epuck_sim.replication import verdicts
 from epuck_sim.replication.claims import Check, Claim, largest_shift, order_zero, read_claims, sigma_a, sigma_b
 from epuck_sim.replication.criteria import Effect, student
 from epuck_sim.replication.page import describe_check
 from epuck_sim.replication.sweeps import check_claim, needed_sweeps, sweep_scenario
-from epuck_sim.replication.verdicts import (
-    LARGEST,
-    Finding,
-    Verdict,
-    decide,
-    growth,
-    judge_claims,
-    p_values,
-    pair_points,
-    run_check,
-)
+from epuck_sim.replication.verdicts import Finding, Verdict, decide, growth, judge_claims, run_check
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import Point, points
@@ -88,7 +79,7 @@ def test_points_of_a_ratio_are_paired_by_their_other_axes() -> None:
     times = {1: [10, 20, 30, 40, 50], 10: [1, 2, 3, 4, 5], 7: [60] * 5}
     points = in_memory(sweep(sweep={"points": listed}, trials=5), lambda point: ended(times[point.axes[SPEED]]))
     ratio = Check.model_validate({"test": "ratio", "between": [{COUPLING: 0.1}, {COUPLING: 0.2}], "above": 1})
-    assert [tuple(p.number for p in pair) for pair in pair_points(ratio, points)] == [(0, 4), (1, 3)]
+    assert [tuple(p.number for p in pair) for pair in verdicts.pair_points(ratio, points)] == [(0, 4), (1, 3)]
     assert run_check(ratio, points).effect.estimate.value == pytest.approx(1)
 
 
@@ -100,7 +91,7 @@ def test_what_one_test_decides_many_may_not() -> None:
     assert judged[0].verdict == UNDECIDED
     (found,) = judged[0].checks
     assert found.p_holm == pytest.approx(10 * found.p_value)
-    assert found.p_value == pytest.approx(2 * p_values(alone.check, alone.effect)[0])
+    assert found.p_value == pytest.approx(2 * verdicts.p_values(alone.check, alone.effect)[0])
 
 
 def test_a_formula_is_not_corrected_and_corrects_nothing() -> None:
@@ -144,7 +135,7 @@ def test_the_rate_of_an_exponential_is_found_but_no_factor_that_comes_once_nor_w
     assert growth(1e-9 * np.minimum(1 + 0.1 * CYCLES, 1.5)) == pytest.approx(0, abs=1e-12)
     assert growth(1e-9 * np.where(CYCLES < 5, 1, 1.5)) == pytest.approx(0, abs=1e-12)
     growing = np.minimum(1e-9 * np.exp(0.07 * CYCLES), 0.3)
-    assert growing[-1] > LARGEST
+    assert growing[-1] > verdicts.LARGEST
     assert growth(growing) == pytest.approx(0.07, rel=0.02)
 
     assert growth(np.where(CYCLES < 40, 1e-9, 0)) < -0.05  # one that vanishes shrinks

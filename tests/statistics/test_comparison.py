@@ -11,24 +11,9 @@ from lifelines.statistics import logrank_test
 from scipy import stats
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.statistics import comparison
 from epuck_sim.statistics import measured as measuring
-from epuck_sim.statistics.comparison import (
-    LOG_RANK,
-    Comparison,
-    Samples,
-    compare,
-    comparison_tables,
-    contrast,
-    log_rank,
-    log_rank_parts,
-    match_folders,
-    match_points,
-    match_values,
-    pair_up,
-    permute,
-    share_as_large,
-    studentised,
-)
+from epuck_sim.statistics.comparison import compare, comparison_tables, contrast, match_points, match_values, pair_up
 from epuck_sim.statistics.measured import Measured
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
 from tests.statistics.fits import measured
@@ -41,18 +26,18 @@ def drawn(mean: float, trials: int, seed, limit: float = math.inf) -> Measured:
     return measured(np.minimum(times, limit), times <= limit, limit)
 
 
-def folders(*sweeps) -> Samples:
-    return match_folders(sweeps, [f"folder {number}" for number, _ in enumerate(sweeps)])
+def folders(*sweeps) -> comparison.Samples:
+    return comparison.match_folders(sweeps, [f"folder {number}" for number, _ in enumerate(sweeps)])
 
 
-def compared(*sweeps) -> Comparison:
+def compared(*sweeps) -> comparison.Comparison:
     """Return the comparison of two sweeps."""
     (found,) = compare(folders(*sweeps))
     return found
 
 
 def permuted(pair, seed: int, of_logarithms: bool = True, **options) -> np.ndarray:
-    return studentised([permute(pair, seed, of_logarithms=of_logarithms, **options)])
+    return comparison.studentised([comparison.permute(pair, seed, of_logarithms=of_logarithms, **options)])
 
 
 def both(mean, trials: int = 40, stop: int = 5000, **changes):
@@ -152,7 +137,7 @@ def test_the_log_rank_test_is_lifelines(seed: int, mean: float) -> None:
         samples.append(measured(np.minimum(times, limits), times <= limits))
     pair = pair_up(*samples)
     theirs = logrank_test(pair.first.values, pair.second.values, pair.first.observed, pair.second.observed)
-    assert log_rank([log_rank_parts(pair)]) == pytest.approx(theirs.p_value, rel=1e-6)
+    assert comparison.log_rank([comparison.log_rank_parts(pair)]) == pytest.approx(theirs.p_value, rel=1e-6)
 
 
 def log_ratio(x, y, axis):
@@ -180,7 +165,7 @@ def test_what_is_permuted_is_the_contrast_over_its_error(first, second) -> None:
     pair = pair_up(measured(first), measured(second))
     for of_logarithms in (False, True):
         found = contrast(pair, of_logarithms=of_logarithms)
-        differences, variances = permute(pair, 0, of_logarithms=of_logarithms, count=3)
+        differences, variances = comparison.permute(pair, 0, of_logarithms=of_logarithms, count=3)
         assert differences[0] == pytest.approx(found.estimate.value, abs=1e-12)
         assert variances[0] == pytest.approx(sum(part for part, _ in found.parts), abs=1e-12)
         assert len(differences) == 4
@@ -188,7 +173,7 @@ def test_what_is_permuted_is_the_contrast_over_its_error(first, second) -> None:
 
 @pytest.mark.parametrize(("values", "p"), [([7] * 6, 1), ([9] * 6, 1 / 462)])
 def test_samples_without_spread_differ_if_their_values_do(values, p: float) -> None:
-    found = share_as_large(permuted(pair_up(measured([7] * 5), measured(values)), 0, of_logarithms=False))
+    found = comparison.share_as_large(permuted(pair_up(measured([7] * 5), measured(values)), 0, of_logarithms=False))
     assert found == pytest.approx(p, abs=0.003)
 
 
@@ -245,7 +230,7 @@ def test_trials_that_ran_out_of_time_are_compared_by_their_ranks() -> None:
     first = in_memory(sweep({SPEED: SPEEDS}, trials=30), early)
     second = in_memory(sweep({SPEED: SPEEDS}, trials=30, seed=1), lambda point: weibull(point, 20))
     found = compared(first, second)
-    assert found.test == LOG_RANK
+    assert found.test == comparison.LOG_RANK
     assert found.p_value < min(point.p_value for point in found.points) < 0.01
 
 

@@ -13,20 +13,9 @@ from hypothesis import strategies as st
 from epuck_sim import points, summarize
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguishing_axes
+from epuck_sim.statistics import extrema
 from epuck_sim.statistics.curves import Curve, read_curves
-from epuck_sim.statistics.extrema import (
-    GRID_POINTS,
-    MIN_SPEEDS,
-    MIN_TRIALS,
-    SIGNIFICANCE,
-    find_fast_speed,
-    find_minimum,
-    find_minimum_and_peak,
-    find_peak,
-    most_prominent,
-    search_extrema,
-    smooth_logs,
-)
+from epuck_sim.statistics.extrema import find_minimum, find_minimum_and_peak, find_peak, search_extrema, smooth_logs
 from epuck_sim.statistics.fit import fit_measure
 from epuck_sim.statistics.names import Statistic
 from tests.runs.made_folders import (
@@ -181,7 +170,7 @@ def test_the_axes_that_are_kept_distinguish_as_much_as_all_and_none_is_tied_to_a
 
 DENSE = np.geomspace(0.05, 12.8, 20)
 X = np.log10(DENSE)
-GRID_STEP = (X[-1] - X[0]) / (GRID_POINTS - 1)
+GRID_STEP = (X[-1] - X[0]) / (extrema.GRID_POINTS - 1)
 
 # the base case of the thesis, measured by 1000 trials a point
 BASE_SPEEDS = np.array([0.05, 0.083, 0.137, 0.227, 0.376, 0.622, 1.029, 1.704, 2.821, 4.67, 7.732, 12.8])
@@ -278,7 +267,7 @@ def test_a_few_undetermined_resamples_count_as_the_longest_and_many_or_no_mean_l
     assert_same(find_minimum_and_peak(DENSE, means, resampled), without)
 
 
-@pytest.mark.parametrize("determined", [0, MIN_SPEEDS - 1, MIN_SPEEDS])
+@pytest.mark.parametrize("determined", [0, extrema.MIN_SPEEDS - 1, extrema.MIN_SPEEDS])
 def test_a_pair_takes_six_determined_speeds(determined):
     means, resampled = certain(cubic(X))
     means[determined:] = np.nan
@@ -304,7 +293,7 @@ PLATEAU = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0)
 )
 def test_noise_is_rarely_taken_for_a_pair(logs, curves):
     # 100 curves: 5 % are within it but for one seed in 80
-    assert share_found(logs, 200, curves, 100) <= 2 * SIGNIFICANCE
+    assert share_found(logs, 200, curves, 100) <= 2 * extrema.SIGNIFICANCE
 
 
 @pytest.mark.parametrize(("kept", "is_found"), [(1.0, True), (0.96, True), (0.94, False), (0.5, False)])
@@ -339,7 +328,7 @@ def curve_of(law, speeds=MANY_SPEEDS, trials: int = 60, **changes) -> Curve:
     return curve
 
 
-@pytest.mark.parametrize("trials", [1, MIN_TRIALS - 1])
+@pytest.mark.parametrize("trials", [1, extrema.MIN_TRIALS - 1])
 def test_with_few_trials_there_is_no_p_value_and_it_is_said_how_many_are_the_least(trials: int) -> None:
     found = search_extrema(curve_of(bumpy, trials=trials))
     assert (found.places, found.p_value) == ({}, None)
@@ -348,7 +337,7 @@ def test_with_few_trials_there_is_no_p_value_and_it_is_said_how_many_are_the_lea
 
 
 def test_speeds_with_few_trials_are_left_out() -> None:
-    assert search_extrema(curve_of(bumpy, trials=MIN_TRIALS)).reason == ""
+    assert search_extrema(curve_of(bumpy, trials=extrema.MIN_TRIALS)).reason == ""
     curve = curve_of(lambda point: weibull(point, 50, trials=60 if point.number % 2 else 3))
     assert curve.trials.tolist() == [3, 60] * 6 + [3]
     pair = find_minimum_and_peak(curve.x[1::2], curve.values[1::2], curve.resampled[:, 1::2])
@@ -358,7 +347,7 @@ def test_speeds_with_few_trials_are_left_out() -> None:
 def test_why_there_is_none_is_said_of_few_speeds_without_the_one_at_rest_and_where_censoring_may_hide_a_peak() -> None:
     assert search_extrema(curve_of(falling, [1, 2, 3, 4, 5])).reason == "5 speeds; a minimum and a peak take 6"
     assert search_extrema(curve_of(lambda _: ended(range(1, 40)), range(6))).reason.startswith("5 speeds;")
-    assert search_extrema(curve_of(falling, range(1, MIN_SPEEDS + 1))).reason == ""
+    assert search_extrema(curve_of(falling, range(1, extrema.MIN_SPEEDS + 1))).reason == ""
     half_censored = ended([20, 30] * 15 + [50] * 30, [True] * 30 + [False] * 30)
     found = search_extrema(curve_of(lambda point: half_censored if 5 <= point.number <= 7 else bumpy(point)))
     assert found.reason == (
@@ -384,7 +373,7 @@ def fast_curve(mean, trials: int = 200, stop: int = 5000, hidden: int = 0) -> Cu
 @pytest.mark.parametrize("speed", [0.5, 1.5, 4.0])
 @pytest.mark.parametrize("hidden", [0, 2])
 def test_v_f_is_where_t_sync_is_twice_that_at_the_largest_speed(speed: float, hidden: int) -> None:
-    estimate, resampled = find_fast_speed(fast_curve(level_beyond(speed), hidden=hidden))
+    estimate, resampled = extrema.find_fast_speed(fast_curve(level_beyond(speed), hidden=hidden))
     assert estimate.low < estimate.value < estimate.high < 1.5 * estimate.low
     assert estimate.value == pytest.approx(speed / math.sqrt(2), rel=0.12)
     assert np.median(resampled) == pytest.approx(estimate.value, rel=0.1)
@@ -394,9 +383,9 @@ def test_where_nothing_becomes_level_or_nothing_is_known_there_is_none_and_a_bum
     still_falls, level = fast_curve(lambda v: 60 / v**0.5), fast_curve(lambda _: 50)
     few_trials, all_censored = fast_curve(level_beyond(1.5), trials=19), fast_curve(lambda _: 5000, stop=3000)
     for curve in (still_falls, level, few_trials, all_censored):
-        assert find_fast_speed(curve) is None
+        assert extrema.find_fast_speed(curve) is None
     bump = fast_curve(lambda v: 150 if v < 0.3 else 60 if v < 0.9 else 200 if v < 2.2 else 50)
-    estimate, _ = find_fast_speed(bump)  # what is before V_f does not count
+    estimate, _ = extrema.find_fast_speed(bump)  # what is before V_f does not count
     assert 2.0 < estimate.value < 3.2
 
 
@@ -451,7 +440,7 @@ def test_noise_makes_few_of_them(shape):
 
 def test_the_most_prominent_peak_is_not_always_the_highest():
     curves = np.array([[5, 6, 5.9, 0, 3, 0.5, 4], [0, 1, 2, 3, 4, 5, 6], [3, 1, 2, 1, 0, 0, 0]], float)
-    peaks, prominences, _ = most_prominent(np.arange(7.0), curves)
+    peaks, prominences, _ = extrema.most_prominent(np.arange(7.0), curves)
     assert prominences.tolist() == [2.5, 0.0, 1.0]
     assert peaks[[0, 2]] == pytest.approx(np.array([[4, np.exp(3)], [2, np.exp(2)]]))
 

@@ -10,17 +10,11 @@ import pytest
 
 from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.replication.criteria import rank_trend, ratio, weighted_slope
+from epuck_sim.statistics import sequential
 from epuck_sim.statistics.comparison import contrast, mean_contrast, pair_up, permute, share_as_large, studentised
 from epuck_sim.statistics.measured import Measured, cut
 from epuck_sim.statistics.planning import plan_trials, trials_for_shares, trials_needed
-from epuck_sim.statistics.sequential import (
-    Precision,
-    look_contrast,
-    look_interval,
-    look_level,
-    look_sizes,
-    probability_within,
-)
+from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_level, look_sizes
 from epuck_sim.statistics.statistic import estimate_mean
 from tests.runs.made_folders import SHAPE, SPEED, SPEEDS, ended, in_memory, sweep, weibull
 from tests.statistics.fits import lognormal, measured, times
@@ -200,7 +194,8 @@ LIMIT = 150
 def test_the_boundary_is_pococks() -> None:
     """His table has 2.413 standard errors for 5 looks after equal numbers of trials, and 2.555 for 10."""
     for boundary, looks in ((2.413, 5), (2.555, 10)):
-        assert probability_within(boundary, tuple(range(20, 20 * looks + 1, 20))) == pytest.approx(LEVEL, abs=2e-4)
+        within = sequential.probability_within(boundary, tuple(range(20, 20 * looks + 1, 20)))
+        assert within == pytest.approx(LEVEL, abs=2e-4)
 
 
 @pytest.mark.parametrize("limit", [20, 50, 1000])

@@ -12,19 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import Field
 
-from epuck_sim import (
-    ParticleSimulation,
-    Scenario,
-    ScenarioError,
-    Simulation,
-    load_scenario,
-    points,
-    read_points,
-    run_sweep,
-    run_trial,
-    start_like,
-    summarize,
-)
+import epuck_sim
+from epuck_sim import ParticleSimulation, Scenario, ScenarioError, Simulation, load_scenario, points, run_trial
 from epuck_sim.order_parameter import METRICS, Firing
 from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES, write_scenario
@@ -114,7 +103,7 @@ def test_agents_start_where_the_robots_of_a_trial_with_the_same_seed_do(seed):
     np.testing.assert_allclose(agents.phases(), placed.phase_ms / 5000, atol=1e-15)  # agents keep when they fire
     x, y = np.array(agents.scenario.start.headings).T
     assert np.abs((np.arctan2(y, x) - placed.poses[:, 2] + np.pi) % (2 * np.pi) - np.pi).max() < 1e-14
-    by_hand = ParticleSimulation({**AGENTS, "start": start_like("thesis", seed)}, seed)
+    by_hand = ParticleSimulation({**AGENTS, "start": epuck_sim.start_like("thesis", seed)}, seed)
     assert by_hand.positions().tobytes() == agents.positions().tobytes()
     assert run_trial(by_hand).cycles == run_trial(agents).cycles
     assert next(iter(robots)).number == 0
@@ -125,7 +114,7 @@ def test_trials_differ_in_their_starts_and_sweeps_keep_the_key():
     with pytest.raises(ScenarioError, match=r"give a ParticleSimulation start_like\(robots, seed\)"):
         ParticleSimulation(AGENTS, 1)
     with pytest.raises(ScenarioError, match="some robots have no phase"):
-        start_like({"robots": [{"controller": "constant"}]}, 1)
+        epuck_sim.start_like({"robots": [{"controller": "constant"}]}, 1)
     one, other = (simulate(scenario, seed).positions() for seed in (1, 2))
     assert (one != other).any()
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
@@ -352,12 +341,12 @@ def test_a_third_model_is_swept_by_worker_processes_stored_and_summarised(tmp_pa
         monkeypatch.setitem(table, "dice", None)
     register_model("dice", MODEL)
     sweep = {"name": "dice", "model": "dice", "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
-    progress = run_sweep(sweep, tmp_path / "run", lambda: local_pool(1))
+    progress = epuck_sim.run_sweep(sweep, tmp_path / "run", lambda: local_pool(1))
     assert (progress.stored, progress.failed) == (40, 0)
-    stored = read_points(tmp_path / "run")
+    stored = epuck_sim.read_points(tmp_path / "run")
     for point, results in zip(points(load_scenario(sweep)), stored, strict=True):
         expected = [run_trial(simulate(point.scenario, point.seed(trial))) for trial in range(20)]
         assert results.times.tolist() == [result.cycles for result in expected]
         assert results.observed.tolist() == [not result.censored for result in expected]
-    slow, fast = summarize(stored)
+    slow, fast = epuck_sim.summarize(stored)
     assert slow.estimates["mean"].value > 2 * fast.estimates["mean"].value
