@@ -24,6 +24,7 @@ from tests.runs.made_folders import (
     HEIGHT,
     MANY_SPEEDS,
     SECONDS,
+    SHAPE,
     SPEED,
     SPEEDS,
     WIDTH,
@@ -39,7 +40,6 @@ from tests.runs.made_folders import (
 )
 
 METRIC = "stop.metric"
-OTHER_SPEED = SPEED.replace(".0.", ".1.")
 
 
 def with_axes(scenario_sweep: dict, trials: int = 5, **changes) -> list[PointTrials]:
@@ -79,14 +79,9 @@ def test_the_statistic_of_a_point_has_the_name_that_its_censoring_makes() -> Non
     def law(point):
         return ended([5, 6, 7], [True, True, point.axes[SPEED] > 1])
 
-    names = {
-        statistic: read_curves(in_memory(sweep({SPEED: [1, 2]}), law), SPEED, statistic) for statistic in Statistic
-    }
-    assert [curve.names for (curve,) in names.values()] == [
-        ["restricted mean", "mean"],
-        ["median", "median"],
-        ["Weibull mean", "Weibull mean"],
-    ]
+    made = in_memory(sweep({SPEED: [1, 2]}), law)
+    names = [curve.names for statistic in Statistic for curve in read_curves(made, SPEED, statistic)]
+    assert names == [["restricted mean", "mean"], ["median", "median"], ["Weibull mean", "Weibull mean"]]
 
 
 @given(
@@ -103,10 +98,8 @@ def test_every_point_with_trials_is_on_the_curve_of_its_other_axes_once(order, e
             expected.append((others, {}))
         if len(each.times):
             next(ends for axes, ends in expected if axes == others)[each.axes["x"]] = each.times[0]
-    curves = read_curves(made, "x")
-    assert [(curve.axes, list(zip(curve.x, curve.values, strict=True))) for curve in curves] == [
-        (axes, sorted(ends.items())) for axes, ends in expected if ends
-    ]
+    found = [(curve.axes, list(zip(curve.x, curve.values, strict=True))) for curve in read_curves(made, "x")]
+    assert found == [(axes, sorted(ends.items())) for axes, ends in expected if ends]
 
 
 def test_axes_that_go_along_and_equal_values_that_are_written_otherwise_make_one_curve() -> None:
@@ -134,11 +127,9 @@ def test_the_second_axis_is_the_only_other_one_whose_numbers_differ_and_those_th
     for more in ({}, {COUNT: [5]}, {METRIC: ["complex", "reference"]}):
         grid = {SPEED: [1, 2], **more, COUPLING: [0.1, 0.2]}
         assert choose_second_axis(axes_of(with_axes({"grid": grid})), SPEED) == COUPLING
-    scenario_sweep = {
-        "points": [{SPEED: 1, OTHER_SPEED: 2}, {SPEED: 2, OTHER_SPEED: 4}],
-        "zip": {WIDTH: [40, 60], HEIGHT: [40, 60]},
-    }
-    made = with_axes(scenario_sweep, robots=[{"count": 2}, {"count": 2}])
+    listed = [{SPEED: 1, SPEED.replace(".0.", ".1."): 2}, {SPEED: 2, SPEED.replace(".0.", ".1."): 4}]
+    along = {"points": listed, "zip": {WIDTH: [40, 60], HEIGHT: [40, 60]}}
+    made = with_axes(along, robots=[{"count": 2}, {"count": 2}])
     assert choose_second_axis(axes_of(made), SPEED) == WIDTH
     assert choose_second_axis(axes_of(made), HEIGHT) == SPEED
 
@@ -148,12 +139,9 @@ def partition(values: list) -> frozenset:
     return frozenset(frozenset(n for n, other in enumerate(values) if other == value) for value in values)
 
 
-TABLES = st.integers(1, 6).flatmap(
-    lambda count: st.lists(st.tuples(*[st.integers(0, 2)] * count), min_size=1, max_size=5)
+@given(
+    st.integers(1, 6).flatmap(lambda count: st.lists(st.tuples(*[st.integers(0, 2)] * count), min_size=1, max_size=5))
 )
-
-
-@given(TABLES)
 def test_the_axes_that_are_kept_distinguish_as_much_as_all_and_none_is_tied_to_another(columns: list[tuple]) -> None:
     rows = [dict(zip("abcde", row, strict=False)) for row in zip(*columns, strict=True)]
     found = distinguishing_axes(rows)
@@ -199,8 +187,8 @@ def trials(logs, count, seed, resamples=200):
 
 @cache  # to draw the resamples takes as long as to look for a pair in them, and many curves are tried with the same
 def trials_of_mean_one(speeds, count, seed, resamples):
-    rng, shape = np.random.default_rng(seed), 1.35
-    times = rng.weibull(shape, (speeds, count)) / math.gamma(1 + 1 / shape)
+    rng = np.random.default_rng(seed)
+    times = rng.weibull(SHAPE, (speeds, count)) / math.gamma(1 + 1 / SHAPE)
     drawn = [of_one[rng.integers(count, size=(resamples, count))].mean(axis=1) for of_one in times]
     return times.mean(axis=1), np.column_stack(drawn)
 
@@ -267,19 +255,15 @@ def test_a_few_undetermined_resamples_count_as_the_longest_and_many_or_no_mean_l
     assert_same(find_minimum_and_peak(DENSE, means, resampled), without)
 
 
-@pytest.mark.parametrize("determined", [0, extrema.MIN_SPEEDS - 1, extrema.MIN_SPEEDS])
-def test_a_pair_takes_six_determined_speeds(determined):
-    means, resampled = certain(cubic(X))
-    means[determined:] = np.nan
-    assert (find_minimum_and_peak(DENSE, means, resampled) is None) == (determined < 6)
-
-
-@pytest.mark.parametrize("logs", [-X, -(X**3), X, 0.3 * X**2, -0.3 * X**2])
-def test_a_certain_curve_without_both_extremes_has_no_pair(logs):
-    pair = find_minimum_and_peak(DENSE, *certain(logs))
-    assert np.isnan(pair.values).all()
-    assert np.isnan(pair.intervals).all()
-    assert (pair.p_value, pair.places) == (1, [])
+def test_a_pair_takes_six_determined_speeds_and_a_certain_curve_without_both_extremes_has_none():
+    for determined in (0, extrema.MIN_SPEEDS - 1, extrema.MIN_SPEEDS):
+        means, resampled = certain(cubic(X))
+        means[determined:] = np.nan
+        assert (find_minimum_and_peak(DENSE, means, resampled) is None) == (determined < 6)
+    for logs in (-X, -(X**3), X, 0.3 * X**2, -0.3 * X**2):
+        pair = find_minimum_and_peak(DENSE, *certain(logs))
+        assert np.isnan([*pair.values, *np.ravel(pair.intervals)]).all()
+        assert (pair.p_value, pair.places) == (1, [])
 
 
 PLATEAU = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0)

@@ -113,14 +113,8 @@ def test_so_many_trials_show_the_difference_as_often_as_is_said(difference: floa
 
 def test_each_point_has_its_number_and_points_without_a_spread_none() -> None:
     def law(point):
-        match point.number:
-            case 0:
-                return ended([])
-            case 1:
-                return ended([5, 6, 7])
-            case 2:
-                return ended([*range(20, 40), 5000], [True] * 20 + [False])
-        return weibull(point, 40)
+        few = ended([]), ended([5, 6, 7]), ended([*range(20, 40), 5000], [True] * 20 + [False])
+        return few[point.number] if point.number < 3 else weibull(point, 40)
 
     plan = plan_trials(in_memory(sweep({SPEED: SPEEDS}, trials=50), law), 0.25, 0.9)
     assert [point.stored for point in plan.points] == [0, 3, 21, 50, 50]

@@ -10,17 +10,9 @@ from hypothesis import strategies as st
 
 from epuck_sim.cli.tables import show
 from epuck_sim.estimate import Estimate
+from epuck_sim.statistics import fit as fitting
 from epuck_sim.statistics.extrema import PLACES, Place
-from epuck_sim.statistics.fit import (
-    LAWS,
-    FittedCurve,
-    compare_laws,
-    fit_curves,
-    fit_laws,
-    fit_offset_law,
-    fit_power_law,
-    fit_tables,
-)
+from epuck_sim.statistics.fit import LAWS, FittedCurve, fit_curves, fit_laws, fit_offset_law, fit_power_law
 from tests.cli.commands import cells
 from tests.runs.made_folders import (
     COUPLING,
@@ -81,7 +73,9 @@ def lawful(run: str = "run", **changes: float) -> FittedCurve:
 
 def printed(capsys, curves, as_json: bool = False) -> str:
     laws = fit_laws(curves)
-    show(fit_tables(curves, laws), {"curves": [each.record() for each in curves], "laws": laws}, as_json=as_json)
+    show(
+        fitting.fit_tables(curves, laws), {"curves": [each.record() for each in curves], "laws": laws}, as_json=as_json
+    )
     return capsys.readouterr().out
 
 
@@ -149,11 +143,9 @@ def test_curves_without_extrema_or_that_differ_in_something_else_are_left_out_of
     ids=str,
 )
 def test_what_a_law_does_not_account_for_and_trials_depend_on_tells_scenarios_apart(tmp_path, changes, is_told_apart):
-    texts = set()
-    for name, change in (("base", {}), ("other", changes)):
-        store(tmp_path / name, sweep({SPEED: [1, 2]}, **change), lambda _: ended([5]))
-        texts.add(fit_curves(tmp_path / name)[0].others)
-    assert len(texts) == 1 + is_told_apart
+    scenarios = {"base": sweep({SPEED: [1, 2]}), "other": sweep({SPEED: [1, 2]}, **changes)}
+    folders = [store(tmp_path / name, scenario, lambda _: ended([5])) for name, scenario in scenarios.items()]
+    assert len({fit_curves(folder)[0].others for folder in folders}) == 1 + is_told_apart
 
 
 LEVEL = lawful()._replace(model="particles", places={"V_f": Place(Estimate(9.0, 8, 10), np.full(400, 9.0))})
@@ -288,7 +280,7 @@ def test_every_law_is_compared_with_the_thesis_where_it_names_an_exponent(model)
     truths = {name: {key: term.exponent or 0.0 for key, term in law.items()} for name, law in laws.items()}
     values = {name: values_of(law, 0.1, truths[name]) for name, law in laws.items()}
     quantities = {name: (column, np.tile(column, (20, 1))) for name, column in values.items()}
-    rows = compare_laws(laws, PARAMETERS, quantities)
+    rows = fitting.compare_laws(laws, PARAMETERS, quantities)
     assert [(row.quantity, row.parameter) for row in rows] == [(q, p) for q in laws for p in PARAMETERS]
     for row in rows:
         assert row.exponent.value == pytest.approx(truths[row.quantity][row.parameter], abs=1e-9)

@@ -199,16 +199,8 @@ MIXED = sweep({SPEED: SPEEDS}, trials=60, stop={"max_cycles": 100})
 
 
 def mixed(point):
-    match point.number:
-        case 0:
-            return weibull(point, 20)
-        case 1:
-            return weibull(point, 90)
-        case 2:
-            return ended([*range(40, 45), *[100] * 55], [True] * 5 + [False] * 55)
-        case 3:
-            return censored(point, 60)
-    return ended([])
+    few = ended([*range(40, 45), *[100] * 55], [True] * 5 + [False] * 55)
+    return [weibull(point, 20), weibull(point, 90), few, censored(point, 60), ended([])][point.number]
 
 
 def summarize(points) -> list[SimpleNamespace]:
