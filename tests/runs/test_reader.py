@@ -73,23 +73,21 @@ def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -
     ended = (0, 0, {"wall_s": 0.5}), (0, 1, {"wall_s": 0.25, "t_sync_cycles": None, "censored": True})
     failed = (3, 1, {"error": "RuntimeError: second"}), (1, 2, {"error": "RuntimeError: first"})
     found = put(tmp_path, *ended, *failed)
+    places = ((1, 2, "RuntimeError: first"), (3, 1, "RuntimeError: second"))
     assert read_status(tmp_path) == Status(
         scenario="demo",
         points=4,
         trials=12,
         stored=2,
         censored=1,
-        failed=[
-            Failure(1, 2, found[1].seed(2), "RuntimeError: first"),
-            Failure(3, 1, found[3].seed(1), "RuntimeError: second"),
-        ],
+        failed=[Failure(point, trial, found[point].seed(trial), error) for point, trial, error in places],
         wall_s=0.75,
         versions=[TrialsByOrigin(**MADE_BY, trials=4)],
         at_work=None,
     )
 
 
-def test_the_status_tells_trials_apart_by_the_versions_and_hosts_that_made_them(tmp_path) -> None:
+def test_the_status_tells_trials_apart_by_what_made_them_and_is_of_the_scenario_that_was_run_last(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store:
         for trial, changed in enumerate(({}, {}, {"host": "elsewhere"})):
@@ -98,15 +96,11 @@ def test_the_status_tells_trials_apart_by_the_versions_and_hosts_that_made_them(
     here, elsewhere = sorted(read_status(tmp_path).versions, key=lambda row: -row.trials)
     assert (here.made_by, here.trials) == (MADE_BY, 2)
     assert (elsewhere.made_by, elsewhere.trials) == ({**MADE_BY, "host": "elsewhere"}, 1)
-
-
-def test_the_status_is_of_the_scenario_that_was_run_last(tmp_path) -> None:
-    fill(tmp_path)
     grown = load_scenario(DEMO, ["name=grown", "trials=7"])
     with Store(tmp_path, grown, points(grown)):
         pass
     status = read_status(tmp_path)
-    assert (status.scenario, status.trials, status.stored) == ("grown", 28, 12)
+    assert (status.scenario, status.trials, status.stored) == ("grown", 28, 3)
 
 
 def test_while_a_run_is_at_work_its_committed_trials_are_read_and_nothing_is_written_and_it_is_named(tmp_path) -> None:
@@ -235,16 +229,12 @@ RESULT = {
 MAKING = ["epuck_sim", "pymunk", "numba", "numpy", "python", "host"]
 
 
-def parquet_of(folder: Path) -> pa.Table:
-    target = folder.with_name("results.parquet")
-    export(folder, target)
-    return pq.read_table(target)
-
-
-def csv_of(folder: Path) -> list[dict[str, str]]:
-    target = folder.with_name("results.csv")
-    export(folder, target)
-    return rows(target)
+def exported(folder: Path) -> tuple[pa.Table, list[dict[str, str]]]:
+    """Return the table in Parquet, and the rows of that in CSV."""
+    parquet, text = (folder.with_name(f"results.{kind}") for kind in ("parquet", "csv"))
+    for target in (parquet, text):
+        export(folder, target)
+    return pq.read_table(parquet), rows(text)
 
 
 @pytest.fixture
@@ -281,21 +271,21 @@ def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folde
         numbers = {name: value for name, value in each.result._asdict().items() if name in RESULT}
         place = {"point": each.point, "trial": each.trial}
         expected.append({**found[each.point].axes, **numbers, **place, **MADE_BY})
-    assert parquet_of(folder).to_pylist() == expected
+    table, texts = exported(folder)
+    assert table.to_pylist() == expected
     read = [
-        {name: text if name in MAKING else json.loads(text or "null") for name, text in row.items()}
-        for row in csv_of(folder)
+        {name: text if name in MAKING else json.loads(text or "null") for name, text in row.items()} for row in texts
     ]
     assert read == expected  # JSON's numbers, true and false are those of the CSV
 
 
 def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -> None:
     put(folder)
-    table = parquet_of(folder)
+    table, texts = exported(folder)
     assert table.num_rows == 0
     assert table.column_names == [COUNT, SPEED, *RESULT, *MAKING]
     assert {name: table.schema.field(name).type for name in RESULT} == RESULT
-    assert csv_of(folder) == []
+    assert texts == []
     assert folder.with_name("results.csv").read_text().startswith(f'"{COUNT}","{SPEED}","seed"')
 
 
@@ -316,15 +306,17 @@ def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -
 )
 def test_axis_values_keep_their_kinds_and_are_the_same_in_text(folder, key: str, values: list, expected: list) -> None:
     fill(folder, scenario_of({"grid": {key: values}}, trials=1))
-    column = parquet_of(folder)[key].to_pylist()
+    table, texts = exported(folder)
+    column = table[key].to_pylist()
     assert column == expected
-    written = [row[key] for row in csv_of(folder)]
-    assert written == ["" if value is None else value if isinstance(value, str) else f"{value:g}" for value in column]
+    assert [row[key] for row in texts] == [
+        "" if value is None else value if isinstance(value, str) else f"{value:g}" for value in column
+    ]
 
 
 def test_values_are_under_their_own_keys_however_the_points_list_them(folder) -> None:
     fill(folder, scenario_of({"points": [{COUNT: 2, WIDTH: 50}, {WIDTH: 60, COUNT: 3}]}, trials=1))
-    table = parquet_of(folder)
+    table, _ = exported(folder)
     assert (table[COUNT].to_pylist(), table[WIDTH].to_pylist()) == ([2, 3], [50, 60])
 
 
@@ -354,9 +346,8 @@ def test_events_are_stored_read_and_exported_to_the_bit(tmp_path):
     assert {event.source for events in alone for event in events} == {"faults.0", "schedule.0"}
     export(tmp_path, tmp_path / "out.csv")
     table = pyarrow.csv.read_csv(tmp_path / "out.csv").to_pydict()
-    assert [json.loads(text) for text in table["events"]] == [
-        [{**event._asdict(), "robots": list(event.robots)} for event in events] for events in alone
-    ]
+    expected = [[{**event._asdict(), "robots": list(event.robots)} for event in events] for events in alone]
+    assert [json.loads(text) for text in table["events"]] == expected
 
 
 SWARM = {

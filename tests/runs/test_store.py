@@ -153,7 +153,7 @@ def test_a_folder_grows_by_points_and_trials_and_numbers_follow_the_new_sweep(tm
     assert load_scenario(tmp_path) == grown
 
 
-def test_what_has_no_effect_on_a_trial_may_change_and_trials_that_were_not_run_be_given_up(tmp_path) -> None:
+def test_what_has_no_effect_on_a_trial_may_change_and_the_scenario_s_file_is_written_anew(tmp_path) -> None:
     fill(tmp_path)
     before = stored(tmp_path)
     for trials in (3000, 3):
@@ -162,10 +162,6 @@ def test_what_has_no_effect_on_a_trial_may_change_and_trials_that_were_not_run_b
             assert len(set(store.finished())) == 12
         assert stored(tmp_path) == before
         assert load_scenario(tmp_path) == changed
-
-
-def test_the_scenario_s_file_is_written_anew_where_it_is_missing_or_changed(tmp_path) -> None:
-    fill(tmp_path)
     for spoil in (lambda path: path.unlink(), lambda path: path.write_text("spoilt")):
         spoil(tmp_path / "scenario.yaml")
         with Store(tmp_path, DEMO, points(DEMO)):

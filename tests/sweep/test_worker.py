@@ -222,8 +222,8 @@ def test_a_slow_trial_ends_itself_without_its_worker_and_may_be_run_with_another
     assert set(errors(tmp_path / "run").values()) == {out_of_time(0.05)}
 
 
-def made(*settings: str, speeds: str = "1,2,4,8"):
-    return points(load_scenario("pair", settings, [f"robots.0.parameters.speed_cm_s={speeds}"]))
+def made(*settings: str):
+    return points(load_scenario("pair", settings, ["robots.0.parameters.speed_cm_s=1,2,4,8"]))
 
 
 # Pilots: each point is timed once, in random order, until time is up

@@ -87,11 +87,11 @@ def test_further_cycles_end_at_the_limits_of_the_trial_which_is_not_censored(lim
 
 
 def test_a_trial_without_oscillators_counts_a_cycle_every_5_s_and_has_no_t_sync():
-    result = run_trial(Simulation(load_scenario("spotlight", ["stop.max_time_s=22", "stop.max_cycles=100"])))
-    assert (result.cycles, result.steps, result.order_parameter) == (4, 220, None)
-    assert (result.censored, result.t_sync_cycles) == (None, None)
-    limited = run_trial(Simulation(load_scenario("spotlight", ["stop.max_time_s=22", "stop.max_cycles=3"])))
-    assert (limited.cycles, limited.steps) == (3, 150)
+    for most, cycles, steps in ((100, 4, 220), (3, 3, 150)):
+        limits = ["stop.max_time_s=22", f"stop.max_cycles={most}"]
+        result = run_trial(Simulation(load_scenario("spotlight", limits)))
+        assert (result.cycles, result.steps, result.order_parameter) == (cycles, steps, None)
+        assert (result.censored, result.t_sync_cycles) == (None, None)
 
 
 def test_observers_are_shown_every_step_after_the_watch_has_looked():
