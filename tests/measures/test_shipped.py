@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from epuck_sim import ParticleSimulation, load_scenario, points
 from epuck_sim.measures.clusters import cluster_numbers, surviving_clusters
-from epuck_sim.measures.interface import Measure
 from epuck_sim.measures.loader import SHIPPED, find_measure
 from epuck_sim.measures.motion import Moved, correlation_time
 from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
@@ -347,16 +346,13 @@ def test_the_distance_that_movables_move_is_the_mean_path_in_an_hour():
 MIXED = {**ROBOTS, "robots": [{"controller": "obstacle_avoidance", "count": 2}, {"count": 3}], "stop": {}}
 
 
-def test_a_field_of_one_robot_is_that_of_its_memory():
+def test_a_field_of_one_robot_is_that_of_its_memory_and_of_all_the_mean_over_those_who_have_it():
     observer, seen = at_cycles(lambda step, _: float(step.memories[0]["rotation_time"][4]))
     field = {"name": "rotation_time", "robot": 4}
     first, *more = ({"memory": {**field, "take": take, "as": take}} for take in ("final", "mean", "series"))
     _, *values = run(first, observer, more=more, **ROBOTS)
     assert values == [seen[-1], sum(seen) / CYCLES, seen]
     assert max(seen) > 0
-
-
-def test_a_field_of_all_is_the_mean_over_those_who_have_it():
     observer, seen = at_cycles(lambda step, _: step.memories[1]["phase_ms"].mean())
     _, value = run({"memory": {"take": "series"}}, observer, **MIXED)
     assert value == pytest.approx(seen)
@@ -381,20 +377,13 @@ def test_one_of_several_is_chosen_by_name(tmp_path):
     assert (measure.name, measure.stored_name) == ("Telltale", f"{tmp_path}/mine.py:Telltale")
 
 
-@pytest.fixture
-def counter(tmp_path) -> Measure:
+def test_parameters_have_the_types_of_their_defaults_and_models_must_tell_what_a_measure_asks_for(tmp_path):
     write(tmp_path / "mine.py", COUNTER)
-    return find_measure("mine.py", tmp_path)
-
-
-def test_parameters_have_the_types_of_their_defaults(counter):
+    counter = find_measure("mine.py", tmp_path)
     assert counter.resolve({}) == {"weight": 1.0, "offset": 0, "loud": False, "label": "all"}
     given = counter.resolve({"weight": 2, "offset": 3.0, "label": "none"})
     assert (given["weight"], given["offset"], given["label"]) == (2.0, 3, "none")
     assert (type(given["weight"]), type(given["offset"])) == (float, int)
-
-
-def test_a_measure_measures_the_models_that_tell_what_it_asks_for(tmp_path, counter):
     write(tmp_path / "steps.py", TELLTALE.replace("def event", "def _event"))
     write(tmp_path / "both.py", TELLTALE)
     write(tmp_path / "named.py", COUNTER + "    MODELS = ('particles',)\n")

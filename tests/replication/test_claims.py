@@ -83,7 +83,7 @@ def test_points_of_a_ratio_are_paired_by_their_other_axes() -> None:
     assert run_check(ratio, points).effect.estimate.value == pytest.approx(1)
 
 
-def test_what_one_test_decides_many_may_not() -> None:
+def test_what_one_test_decides_many_may_not_but_a_formula_is_not_corrected_and_corrects_nothing() -> None:
     alone = finding(student(2.5, 1.0, 100), above=0)
     noise = [finding(student(0.1, 1.0, 100), above=0) for _ in range(9)]
     assert judge_claims([claimed(alone)])[0].verdict == HOLDS
@@ -92,9 +92,6 @@ def test_what_one_test_decides_many_may_not() -> None:
     (found,) = judged[0].checks
     assert found.p_holm == pytest.approx(10 * found.p_value)
     assert found.p_value == pytest.approx(2 * verdicts.p_values(alone.check, alone.effect)[0])
-
-
-def test_a_formula_is_not_corrected_and_corrects_nothing() -> None:
     formula = Check.model_validate({"test": "formula", "number": "sigma_a", "above": 0})
     effect = Effect(student(1, 0, 0).estimate, lambda x: float(x > 1), lambda x: float(x < 1))
     exact = Finding(formula, effect, (0, 0), 0)
