@@ -303,7 +303,7 @@ def test_growth_is_told_where_a_deviation_is_neither_rounding_nor_large():
     assert mean_with_interval([1.0]) == [1.0, None, None]
 
 
-def test_an_agent_is_displaced_before_anything_has_happened():
+def test_an_agent_is_displaced_before_anything_has_happened_and_so_may_a_twin_be():
     simulation = ParticleSimulation(load_scenario(AGENTS), 3)
     before = simulation.phases()
     simulation.displace(2, 0.01)
@@ -311,9 +311,6 @@ def test_an_agent_is_displaced_before_anything_has_happened():
     simulation.run(2)
     with pytest.raises(ValueError, match=r"after \d+ instants; allowed: 0 or more"):
         simulation.displace(2, 0.01)
-
-
-def test_a_twin_may_be_displaced_itself():
     uncoupled = {**AGENTS, "response": {"coupling": 0}}
     _, series = run({"perturbation": {"displacement": 1e-6}}, **uncoupled)
     assert series == pytest.approx([1e-6] * CYCLES, rel=1e-6)

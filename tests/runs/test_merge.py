@@ -105,22 +105,19 @@ def test_trials_in_several_folders_are_stored_once_and_results_replace_failures(
         assert read_status(tmp_path / f"merged{number}").failed == []
 
 
-def test_a_sweep_that_has_grown_meanwhile_is_as_large_as_its_largest_share(tmp_path) -> None:
+def test_a_sweep_that_has_grown_meanwhile_is_as_large_as_its_largest_share_of_each_point(tmp_path) -> None:
     large = fill_share(tmp_path / "large", Share(2, 2), MANY.model_copy(update={"trials": 9}))
     merge_folders([fill_share(tmp_path / "small", Share(1, 2)), large], tmp_path / "merged")
     assert read_status(tmp_path / "merged").trials == 6 * 9
     assert load_scenario(tmp_path / "merged").trials == 9
-
-
-def test_each_point_has_the_most_trials_that_a_folder_has_of_it(tmp_path) -> None:
     counts = {"a": [7, 2, 2, 2, 2, 2], "b": [4] * 6}
     for name, trials in counts.items():
         found = points(MANY)
         with Store(tmp_path / name, MANY, found) as store:
             store.add([outcome(point, trial) for point in found for trial in range(trials[point.number])])
             store.plan({point.key: trials[point.number] for point in found})
-    merge_folders([tmp_path / name for name in counts], tmp_path / "merged")
-    assert read_status(tmp_path / "merged")[2:4] == (27, 27)
+    merge_folders([tmp_path / name for name in counts], tmp_path / "planned")
+    assert read_status(tmp_path / "planned")[2:4] == (27, 27)
 
 
 def test_folders_of_another_scenario_or_controller_or_version_are_refused(tmp_path) -> None:

@@ -312,15 +312,12 @@ def curve_of(law, speeds=MANY_SPEEDS, trials: int = 60, **changes) -> Curve:
     return curve
 
 
-@pytest.mark.parametrize("trials", [1, extrema.MIN_TRIALS - 1])
-def test_with_few_trials_there_is_no_p_value_and_it_is_said_how_many_are_the_least(trials: int) -> None:
-    found = search_extrema(curve_of(bumpy, trials=trials))
-    assert (found.places, found.p_value) == ({}, None)
-    assert found.reason.startswith("fewer than 20 trials at 13 of 13 speeds")
-    assert "--trials 20 is the least" in found.reason
-
-
-def test_speeds_with_few_trials_are_left_out() -> None:
+def test_with_few_trials_there_is_no_p_value_but_how_many_are_the_least_and_speeds_with_few_are_left_out() -> None:
+    for trials in (1, extrema.MIN_TRIALS - 1):
+        found = search_extrema(curve_of(bumpy, trials=trials))
+        assert (found.places, found.p_value) == ({}, None)
+        assert found.reason.startswith("fewer than 20 trials at 13 of 13 speeds")
+        assert "--trials 20 is the least" in found.reason
     assert search_extrema(curve_of(bumpy, trials=extrema.MIN_TRIALS)).reason == ""
     curve = curve_of(lambda point: weibull(point, 50, trials=60 if point.number % 2 else 3))
     assert curve.trials.tolist() == [3, 60] * 6 + [3]

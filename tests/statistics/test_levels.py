@@ -229,7 +229,11 @@ def test_intervals_of_skewed_times_hold_at_all_looks_and_at_the_first_narrow_one
     assert hold_at_end > LEVEL
 
 
-def test_contrasts_add_half_widths_in_squares_and_ratios_do_in_logarithms() -> None:
+def test_widths_are_of_half_an_interval_over_what_is_asked_and_contrasts_add_them_in_squares_or_logarithms() -> None:
+    assert Precision.parse("10%").width(Estimate(40, 34, 50)) == pytest.approx(2)
+    assert Precision.parse("4").width(Estimate(40, 34, 50)) == pytest.approx(2)
+    for found in (UNDETERMINED, Estimate(40), Estimate(40, 34, math.inf), Estimate(0, -1, 1)):
+        assert Precision.parse("10%").width(found) == math.inf
     one, other = Estimate(40, 37, 44), Estimate(60, 56, 63)
     difference = look_contrast(one, other, is_relative=False)
     assert difference.ends == pytest.approx((20, 20 - math.hypot(4, 4), 20 + math.hypot(3, 3)))
@@ -267,13 +271,6 @@ def test_where_all_trials_are_censored_few_can_end_sooner() -> None:
         widths.append(Precision.parse("5%").width(found))
     assert widths[0] > 1 > widths[1]
     assert look_interval(measured([]), LIMIT) == UNDETERMINED  # all have failed
-
-
-def test_a_width_is_that_of_half_the_interval_over_what_is_asked() -> None:
-    assert Precision.parse("10%").width(Estimate(40, 34, 50)) == pytest.approx(2)
-    assert Precision.parse("4").width(Estimate(40, 34, 50)) == pytest.approx(2)
-    for found in (UNDETERMINED, Estimate(40), Estimate(40, 34, math.inf), Estimate(0, -1, 1)):
-        assert Precision.parse("10%").width(found) == math.inf
 
 
 def test_the_last_look_is_at_the_limit_and_not_close_behind_another() -> None:

@@ -66,14 +66,11 @@ def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
     assert run_sweep(scenario, tmp_path / "run", lambda: pytest.fail("a pool was opened")).ended == 0
 
 
-def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
+def test_trial_0_of_all_points_comes_first_and_one_of_each_set_of_controllers_is_compiled_ahead(tmp_path) -> None:
     places = points(load_scenario(short_sweep(tmp_path, 3)))
     tasks = [*missing_tasks(places, [range(3)] * POINTS, FinishedTrials([(2, [0]), (0, [2])]), interpret=False)]
     assert [(task.trial, task.point) for task in tasks] == sorted((task.trial, task.point) for task in tasks)
     assert len(tasks) == POINTS * 3 - 2
-
-
-def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> None:
     axes = ["robots.0.controller=firefly,oscillator,constant", "robots.0.count=2,3"]
     found = points(load_scenario({"trials": 2}, axes=axes))
     done = [*((number, [0, 1]) for number in (0, 1, 2)), (4, [0])]
