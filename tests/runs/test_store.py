@@ -30,20 +30,8 @@ from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
 from tests.control.bench import with_step
-from tests.runs.made_folders import (
-    COUNT,
-    DATABASE,
-    DEMO,
-    FILES,
-    MINE,
-    SPEED,
-    fill,
-    outcome,
-    put,
-    refusal,
-    scenario_of,
-    stored,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import COUNT, DATABASE, DEMO, SPEED, fill, outcome, refusal, scenario_of, stored
 from tests.tools import needs_compiler
 
 OF_ROBOTS = [f"robots.0.parameters.{name}" for name in ("speed_cm_s", "period_s", "coupling", "refractory_fraction")]
@@ -77,7 +65,7 @@ def test_checksums_are_of_what_the_file_holds_whatever_kind_of_number_was_given(
 
 
 def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_host(tmp_path) -> None:
-    found = put(tmp_path, (1, 2))
+    found = made_folders.put(tmp_path, (1, 2))
     (row,) = stored(tmp_path)
     assert isinstance(row.pop("checksum"), int)
     assert row == {
@@ -177,7 +165,7 @@ def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path
         (tmp_path / name).write_bytes(data)
     assert len(fill(tmp_path)) == 4
     assert len(stored(tmp_path)) == 12
-    assert set(contents(tmp_path)) == FILES
+    assert set(contents(tmp_path)) == made_folders.FILES
 
 
 def test_of_many_differences_from_another_scenario_the_first_eight_are_said(tmp_path) -> None:
@@ -191,7 +179,7 @@ def test_of_many_differences_from_another_scenario_the_first_eight_are_said(tmp_
 
 
 def test_an_axis_value_beyond_64_bits_is_stored(tmp_path) -> None:
-    (tmp_path / "mine.py").write_text(MINE)
+    (tmp_path / "mine.py").write_text(made_folders.MINE)
     robots = [{"controller": str(tmp_path / "mine.py")}]
     fill(tmp_path / "r", scenario_of({"grid": {"robots.0.parameters.pace": [10**30]}}, robots=robots, trials=1))
     assert float(stored(tmp_path / "r")[0]["robots.0.parameters.pace"]) == 1e30

@@ -18,26 +18,8 @@ from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import find_minimum, find_minimum_and_peak, find_peak, search_extrema, smooth_logs
 from epuck_sim.statistics.fit import fit_measure
 from epuck_sim.statistics.names import Statistic
-from tests.runs.made_folders import (
-    COUNT,
-    COUPLING,
-    HEIGHT,
-    MANY_SPEEDS,
-    SECONDS,
-    SHAPE,
-    SPEED,
-    SPEEDS,
-    WIDTH,
-    bumpy,
-    censored,
-    ended,
-    falling,
-    in_memory,
-    of_point,
-    store_measured,
-    sweep,
-    weibull,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, WIDTH, censored, ended, in_memory, sweep, weibull
 
 METRIC = "stop.metric"
 
@@ -55,11 +37,11 @@ def rows_of(*rows: dict, empty: Collection[int] = ()) -> list[PointTrials]:
     """Return points with these axis values, whether a scenario has such keys or not, and one trial each, or none."""
     (point,) = points(sweep(None))
     numbered = (point._replace(number=number, axes=row) for number, row in enumerate(rows))
-    return [of_point(each, ended([] if each.number in empty else [each.number + 1])) for each in numbered]
+    return [made_folders.of_point(each, ended([] if each.number in empty else [each.number + 1])) for each in numbered]
 
 
 def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
-    scenario = sweep({SPEED: SPEEDS, COUPLING: [0.1, 0.2]}, trials=60, stop={"max_cycles": 60})
+    scenario = sweep({SPEED: made_folders.SPEEDS, COUPLING: [0.1, 0.2]}, trials=60, stop={"max_cycles": 60})
     made = in_memory(scenario, lambda point: weibull(point, 30))
     summaries = [SimpleNamespace(**each.record()) for each in summarize(made)]
     for statistic, name in zip(Statistic, ("restricted_mean", "median", "weibull_mean"), strict=True):
@@ -117,7 +99,7 @@ def test_the_axis_is_the_speed_or_else_the_one_with_most_numbers() -> None:
         ({SPEED: [1], COUPLING: [0.1, 0.2, 0.3]}, COUPLING),
         ({COUNT: [2, 3], COUPLING: [0.1, 0.2, 0.3]}, COUPLING),
         ({METRIC: ["complex", "reference"], COUNT: [3]}, COUNT),
-        ({SECONDS: [None, 5, 6], COUNT: [2, 3]}, COUNT),
+        ({made_folders.SECONDS: [None, 5, 6], COUNT: [2, 3]}, COUNT),
         ({"robots.0.parameters.once_per_sighting": [True, False], COUNT: [3]}, COUNT),
     ]:
         assert choose_axis(axes_of(with_axes({"grid": grid}))) == expected
@@ -188,7 +170,7 @@ def trials(logs, count, seed, resamples=200):
 @cache  # to draw the resamples takes as long as to look for a pair in them, and many curves are tried with the same
 def trials_of_mean_one(speeds, count, seed, resamples):
     rng = np.random.default_rng(seed)
-    times = rng.weibull(SHAPE, (speeds, count)) / math.gamma(1 + 1 / SHAPE)
+    times = rng.weibull(made_folders.SHAPE, (speeds, count)) / math.gamma(1 + 1 / made_folders.SHAPE)
     drawn = [of_one[rng.integers(count, size=(resamples, count))].mean(axis=1) for of_one in times]
     return times.mean(axis=1), np.column_stack(drawn)
 
@@ -307,18 +289,18 @@ def test_intervals_are_percentiles_of_the_resamples_that_have_a_pair():
     assert (slow < fast).all()
 
 
-def curve_of(law, speeds=MANY_SPEEDS, trials: int = 60, **changes) -> Curve:
+def curve_of(law, speeds=made_folders.MANY_SPEEDS, trials: int = 60, **changes) -> Curve:
     (curve,) = read_curves(in_memory(sweep({SPEED: speeds}, trials=trials, **changes), law), SPEED)
     return curve
 
 
 def test_with_few_trials_there_is_no_p_value_but_how_many_are_the_least_and_speeds_with_few_are_left_out() -> None:
     for trials in (1, extrema.MIN_TRIALS - 1):
-        found = search_extrema(curve_of(bumpy, trials=trials))
+        found = search_extrema(curve_of(made_folders.bumpy, trials=trials))
         assert (found.places, found.p_value) == ({}, None)
         assert found.reason.startswith("fewer than 20 trials at 13 of 13 speeds")
         assert "--trials 20 is the least" in found.reason
-    assert search_extrema(curve_of(bumpy, trials=extrema.MIN_TRIALS)).reason == ""
+    assert search_extrema(curve_of(made_folders.bumpy, trials=extrema.MIN_TRIALS)).reason == ""
     curve = curve_of(lambda point: weibull(point, 50, trials=60 if point.number % 2 else 3))
     assert curve.trials.tolist() == [3, 60] * 6 + [3]
     pair = find_minimum_and_peak(curve.x[1::2], curve.values[1::2], curve.resampled[:, 1::2])
@@ -326,11 +308,14 @@ def test_with_few_trials_there_is_no_p_value_but_how_many_are_the_least_and_spee
 
 
 def test_why_there_is_none_is_said_of_few_speeds_without_the_one_at_rest_and_where_censoring_may_hide_a_peak() -> None:
-    assert search_extrema(curve_of(falling, [1, 2, 3, 4, 5])).reason == "5 speeds; a minimum and a peak take 6"
+    few = search_extrema(curve_of(made_folders.falling, [1, 2, 3, 4, 5]))
+    assert few.reason == "5 speeds; a minimum and a peak take 6"
     assert search_extrema(curve_of(lambda _: ended(range(1, 40)), range(6))).reason.startswith("5 speeds;")
-    assert search_extrema(curve_of(falling, range(1, extrema.MIN_SPEEDS + 1))).reason == ""
+    assert search_extrema(curve_of(made_folders.falling, range(1, extrema.MIN_SPEEDS + 1))).reason == ""
     half_censored = ended([20, 30] * 15 + [50] * 30, [True] * 30 + [False] * 30)
-    found = search_extrema(curve_of(lambda point: half_censored if 5 <= point.number <= 7 else bumpy(point)))
+    found = search_extrema(
+        curve_of(lambda point: half_censored if 5 <= point.number <= 7 else made_folders.bumpy(point))
+    )
     assert found.reason == (
         "half of the trials or more are censored from V = 0.5 to 1.3 cm/s, where a peak may be: raise stop.max_cycles"
     )
@@ -428,7 +413,9 @@ def test_the_most_prominent_peak_is_not_always_the_highest():
 
 def folder_of(path, law, trials=30, **grid):
     scenario, random = sweep({SPEED: PLACES.tolist(), **grid}, measures=["near_walls"]), np.random.default_rng(4)
-    return store_measured(path, scenario, lambda point: [law(point.axes[SPEED], random) for _ in range(trials)])
+    return made_folders.store_measured(
+        path, scenario, lambda point: [law(point.axes[SPEED], random) for _ in range(trials)]
+    )
 
 
 def bump(x, random):

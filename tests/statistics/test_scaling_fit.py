@@ -14,20 +14,8 @@ from epuck_sim.statistics import fit as fitting
 from epuck_sim.statistics.extrema import PLACES, Place
 from epuck_sim.statistics.fit import LAWS, FittedCurve, fit_curves, fit_laws, fit_offset_law, fit_power_law
 from tests.cli.commands import cells
-from tests.runs.made_folders import (
-    COUPLING,
-    HEIGHT,
-    MANY_SPEEDS,
-    SPEED,
-    WIDTH,
-    bumpy_mean,
-    ended,
-    extremes,
-    falling,
-    store,
-    sweep,
-    weibull,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import COUPLING, HEIGHT, SPEED, WIDTH, ended, store, sweep, weibull
 
 NAMES = ("v_m", "t_m", "v_p", "t_p")
 SIZES, COUPLINGS = [40, 60, 90], [0.05, 0.1, 0.2]
@@ -42,20 +30,20 @@ def fitted(folder, axes, key: str, units) -> list[FittedCurve]:
     """Return the fit of a sweep whose curves have these units, by the values of an axis."""
 
     def law(point):
-        return weibull(point, bumpy_mean(point.axes[SPEED], *units[point.axes[key]]))
+        return weibull(point, made_folders.bumpy_mean(point.axes[SPEED], *units[point.axes[key]]))
 
     return fit_curves(store(folder, sweep(None, trials=200, sweep=axes), law))
 
 
 @pytest.fixture(scope="module")
 def sizes(tmp_path_factory) -> list[FittedCurve]:
-    axes = {"zip": {WIDTH: SIZES, HEIGHT: SIZES}, "grid": {SPEED: MANY_SPEEDS}}
+    axes = {"zip": {WIDTH: SIZES, HEIGHT: SIZES}, "grid": {SPEED: made_folders.MANY_SPEEDS}}
     return fitted(tmp_path_factory.mktemp("sizes"), axes, WIDTH, SIZE_UNITS)
 
 
 @pytest.fixture(scope="module")
 def couplings(tmp_path_factory) -> list[FittedCurve]:
-    axes = {"grid": {COUPLING: COUPLINGS, SPEED: MANY_SPEEDS}}
+    axes = {"grid": {COUPLING: COUPLINGS, SPEED: made_folders.MANY_SPEEDS}}
     return fitted(tmp_path_factory.mktemp("couplings"), axes, COUPLING, COUPLING_UNITS)
 
 
@@ -88,9 +76,9 @@ def test_minimum_and_peak_lie_in_their_intervals_which_are_narrow(sizes, couplin
     for curve, unit in zip([*sizes, *couplings], units, strict=True):
         for name, place in zip(NAMES, curve.places.values(), strict=True):
             value, low, high = place.estimate.ends
-            assert value == pytest.approx(extremes(*unit)[name], rel=0.2)
+            assert value == pytest.approx(made_folders.extremes(*unit)[name], rel=0.2)
             assert high < 1.9 * low
-            held.append(low <= extremes(*unit)[name] <= high)
+            held.append(low <= made_folders.extremes(*unit)[name] <= high)
     assert np.mean(held) >= 0.8  # of 95 % intervals; 24 of them
     assert [curve.axes for curve in sizes] == [{WIDTH: size, HEIGHT: size} for size in SIZES]
     assert [curve.parameters for curve in sizes] == [BASE | {"L": size} for size in SIZES]
@@ -98,7 +86,7 @@ def test_minimum_and_peak_lie_in_their_intervals_which_are_narrow(sizes, couplin
 
 
 def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) -> None:
-    curves = fit_curves(store(tmp_path, sweep({SPEED: MANY_SPEEDS}, trials=60), falling))
+    curves = fit_curves(store(tmp_path, sweep({SPEED: made_folders.MANY_SPEEDS}, trials=60), made_folders.falling))
     assert not curves[0].places
     stdout = printed(capsys, curves)
     assert "No laws: no curve has a local minimum and a peak." in stdout

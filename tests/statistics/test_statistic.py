@@ -28,18 +28,8 @@ from epuck_sim.statistics.statistic import (
 from epuck_sim.statistics.statistic import summarize as summaries_of
 from epuck_sim.statistics.survival import confidence_interval, median_time, weibull_mean, weibull_resamples
 from tests.cli.commands import called, cells
-from tests.runs.made_folders import (
-    SPEED,
-    SPEEDS,
-    censored,
-    ended,
-    in_memory,
-    of_point,
-    store,
-    store_measured,
-    sweep,
-    weibull,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import SPEED, censored, ended, in_memory, store, sweep, weibull
 from tests.statistics.fits import measured, truths
 
 
@@ -177,13 +167,13 @@ def test_the_order_of_the_trials_makes_no_difference_to_the_bit(series, random):
 def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp_path):
     scenario = sweep({SPEED: [1, 2, 3]}, measures=["order_parameter"])
     law = {1: [[0.5, 0.75], [0.25]], 2: [], 3: [[1.0], None]}
-    folder = store_measured(tmp_path / "run", scenario, lambda point: law[point.axes[SPEED]])
+    folder = made_folders.store_measured(tmp_path / "run", scenario, lambda point: law[point.axes[SPEED]])
     found = summarize_series(read_points(folder, "order_parameter"))
     assert [point.axes for point in found] == [{SPEED: 1}, {SPEED: 3}]
     assert found[0].statistics.mean[:, 0].tolist() == [0.375, 0.75]
     assert [each.statistics.trials.tolist() for each in found] == [[2, 1], [1]]
     scenario = sweep({SPEED: [1]}, measures=["near_walls"])
-    folder = store_measured(tmp_path / "other", scenario, lambda _: [0.5, 0.25])
+    folder = made_folders.store_measured(tmp_path / "other", scenario, lambda _: [0.5, 0.25])
     with pytest.raises(StoreError, match="near_walls is no series"):
         summarize_series(read_points(folder, "near_walls"))
     with pytest.raises(StoreError, match="T_sync is no series"):
@@ -191,7 +181,7 @@ def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp
 
 
 # how the trials of the five points end: all, most, few, none synchronised; no trial
-MIXED = sweep({SPEED: SPEEDS}, trials=60, stop={"max_cycles": 100})
+MIXED = sweep({SPEED: made_folders.SPEEDS}, trials=60, stop={"max_cycles": 100})
 
 
 def mixed(point):
@@ -206,7 +196,7 @@ def summarize(points) -> list[SimpleNamespace]:
 
 def one_summary(times, observed=None, **changes) -> SimpleNamespace:
     (point,) = points(sweep(None, **changes))
-    return summarize([of_point(point, ended(times, observed))])[0]
+    return summarize([made_folders.of_point(point, ended(times, observed))])[0]
 
 
 def of_measure(*values) -> SimpleNamespace:
