@@ -42,12 +42,9 @@ def permuted(pair, seed: int, of_logarithms: bool = True, **options) -> np.ndarr
 
 def both(mean, trials: int = 40, stop: int = 5000, **changes):
     """Return the points of two sweeps: `mean` gives that of each, from the speed and the number of the sweep."""
+    made = (sweep({SPEED: SPEEDS}, trials=trials, seed=seed, stop={"max_cycles": stop}, **changes) for seed in (0, 1))
     return [
-        in_memory(
-            sweep({SPEED: SPEEDS}, trials=trials, seed=which, stop={"max_cycles": stop}, **changes),
-            lambda point, which=which: weibull(point, mean(point.axes[SPEED], which)),
-        )
-        for which in (0, 1)
+        in_memory(each, lambda point: weibull(point, mean(point.axes[SPEED], point.scenario.seed))) for each in made
     ]
 
 

@@ -381,9 +381,8 @@ def test_the_peak_of_a_parabola_is_found_and_there_is_no_minimum():
 
 
 def test_a_curve_with_both_has_both_and_its_inverse_has_them_turned_over():
-    logs = -4 * (
-        LOG_PLACES**3 / 3 - 0.15 * LOG_PLACES**2 - 0.18 * LOG_PLACES
-    )  # minimum at 10 ** -0.3, peak at 10 ** 0.6
+    x = LOG_PLACES
+    logs = -4 * (x**3 / 3 - 0.15 * x**2 - 0.18 * x)  # minimum at 10 ** -0.3, peak at 10 ** 0.6
     for fit, minimum_at, peak_at in ((curve(logs), -0.3, 0.6), (curve(-logs), 0.6, -0.3)):
         for found, place in ((find_minimum(fit), minimum_at), (find_peak(fit), peak_at)):
             at, value = (each.estimate for each in found.places)

@@ -268,9 +268,8 @@ def test_points_of_a_contrast_end_together_at_the_first_look_that_is_narrow(tmp_
     for speed in (4, 12):
         pair = [key for key, row in rows.items() if row.axes[SPEED] == speed]
         for size in look_sizes(MOST):
-            cut = [
-                plain[key]._replace(times=plain[key].times[:size], observed=plain[key].observed[:size]) for key in pair
-            ]
+            both = [plain[key] for key in pair]
+            cut = [each._replace(times=each.times[:size], observed=each.observed[:size]) for each in both]
             first, other = (look_interval(measure_t_sync(each), MOST) for each in cut)
             found = look_contrast(first, other, is_relative=name == "ratio")
             if precision.width(found) <= 1:
