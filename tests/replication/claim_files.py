@@ -1,9 +1,7 @@
-"""What the tests of the command share: files of claims with tiny sweeps, and how these are interrupted."""
+"""What the tests of the command share: files of claims with tiny sweeps."""
 
-from collections.abc import Callable
 from pathlib import Path
 
-from epuck_sim.runs.records import SweepProgress
 from epuck_sim.scenario.yaml_io import write_yaml
 from tests.cli.commands import call
 
@@ -56,13 +54,3 @@ def write_claims(folder: Path, claims: list[dict] = EVERY_VERDICT, sweep: dict =
 
 def replicate(file: Path, folder: Path, *words: object):
     return call("replicate", *words, "--claims", file, "--out", folder, "--workers", 1)
-
-
-def stop_at(stored: int) -> Callable[[SweepProgress], None]:
-    """Return an observer that interrupts a sweep when so many trials are stored."""
-
-    def observe(progress: SweepProgress) -> None:
-        if progress.stored >= stored:
-            raise KeyboardInterrupt
-
-    return observe

@@ -18,7 +18,7 @@ from epuck_sim.runs.reader import read_points, read_wall_times
 from epuck_sim.statistics.sequential import look_boundary, looks_p_value
 from epuck_sim.sweep import run
 from tests.cli.commands import call
-from tests.replication.claim_files import FASTER, OURS, SPEED, SWEEP, claim, replicate, stop_at, write_claims
+from tests.replication.claim_files import FASTER, OURS, SPEED, SWEEP, claim, replicate, write_claims
 from tests.runs.made_folders import ended, store
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
@@ -219,7 +219,12 @@ def test_a_look_that_was_interrupted_is_completed_before_anything_is_judged(tmp_
     file = write_claims(tmp_path, [claim("B1", NEVER)], TINY)
     assert replicate(file, tmp_path / "out").exit_code == 0
     run_sweep = run.run_sweep
-    monkeypatch.setattr(run, "run_sweep", lambda *given, **named: run_sweep(*given[:3], stop_at(40), **named))
+
+    def interrupt(progress) -> None:
+        if progress.stored >= 40:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(run, "run_sweep", lambda *given, **named: run_sweep(*given[:3], interrupt, **named))
     page = tmp_path / "out/replication.md"
     page.unlink()
     assert replicate(file, tmp_path / "out", "--until-decided").exit_code == 130

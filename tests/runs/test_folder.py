@@ -197,27 +197,20 @@ def test_a_command_takes_over_with_a_word(tmp_path: Path) -> None:
     assert "taken over from process 1 on elsewhere" in taken.stderr
 
 
-@pytest.fixture
-def calls(monkeypatch) -> list[tuple[str, int]]:
-    """What waits for the disk, and what gives a file its name, in order, each with the number of the file's inode."""
-    made: list[tuple[str, int]] = []
-    sync, name = os.fsync, os.replace
+def test_each_file_of_a_folder_is_on_the_disk_before_its_name_and_then_the_name_is(tmp_path, monkeypatch) -> None:
+    calls: list[tuple[str, int]] = []  # each with the number of the file's inode
+    sync, name, folder = os.fsync, os.replace, tmp_path / "run"
 
     def log_sync(number: int) -> None:
-        made.append(("sync", os.fstat(number).st_ino))
+        calls.append(("sync", os.fstat(number).st_ino))
         sync(number)
 
     def log_name(part: Path, target: Path) -> None:
-        made.append(("name", Path(part).stat().st_ino))
+        calls.append(("name", Path(part).stat().st_ino))
         name(part, target)
 
     monkeypatch.setattr(os, "fsync", log_sync)
     monkeypatch.setattr(os, "replace", log_name)
-    return made
-
-
-def test_each_file_of_a_folder_is_on_the_disk_before_its_name_and_then_the_name_is(tmp_path, calls) -> None:
-    folder = tmp_path / "run"
     with Store(folder, DEMO, points(DEMO)):
         numbers = {name: (folder / name).stat().st_ino for name in FILES - {".lock"}}
     in_folder, in_parent = (("sync", path.stat().st_ino) for path in (folder, tmp_path))

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import local_fits, make_curve, weibull_means
 
@@ -53,9 +52,3 @@ def fit_weibull(times, observed) -> Weibull | None:
     with np.errstate(over="ignore"):
         scale = float(np.exp(-offset / shape))
     return Weibull(scale, shape) if scale < math.inf else None
-
-
-def kaplan_meier(times, observed) -> tuple[FloatArray, FloatArray]:
-    """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,)."""
-    curve = make_curve(times, observed)
-    return curve.times, curve.survival[0, 1:]

@@ -132,9 +132,7 @@ def of_its_own(tmp_path, phase, lit, **stop):
     return run_trial(Simulation({"robots": [{"count": 2, "controller": str(path)}], "stop": stop}, interpret=True))
 
 
-def test_a_reference_that_never_fires_does_not_keep_a_trial_for_ever_and_a_phase_that_is_no_number_is_an_error(
-    tmp_path,
-):
+def test_a_reference_that_never_fires_keeps_no_trial_for_ever_and_a_phase_that_is_no_number_is_an_error(tmp_path):
     for max_cycles in (1, 3):
         result = of_its_own(tmp_path, "1.0", False, max_cycles=max_cycles)
         assert (result.censored, result.cycles, result.steps) == (True, 0, 2 * max_cycles * 51)
