@@ -319,9 +319,8 @@ def test_its_error_is_that_of_places_drawn_anew() -> None:
 def test_scatter_about_the_law_makes_it_less_sure_and_two_places_say_nothing() -> None:
     x = np.array([5.0, 10, 20, 40])
     straight = criteria.place_exponent(x, [place(at, 0.05, 1) for at in x], TRIALS).estimate
-    bent = criteria.place_exponent(
-        x, [place(at * off, 0.05, 1) for at, off in zip(x, (1, 2, 0.5, 1), strict=True)], TRIALS
-    )
+    scattered = [place(at * off, 0.05, 1) for at, off in zip(x, (1, 2, 0.5, 1), strict=True)]
+    bent = criteria.place_exponent(x, scattered, TRIALS)
     assert bent.estimate.high - bent.estimate.low > 5 * (straight.high - straight.low)
     missing = criteria.place_exponent(x, [place(5, 0.1, 1), None, None, place(40, 0.1, 2)], TRIALS)
     assert math.isnan(missing.estimate.value)

@@ -99,9 +99,8 @@ def test_trials_in_several_folders_are_stored_once_and_results_replace_failures(
     others = fill_share(tmp_path / "others", Share(1, 3))
     for number, folders in enumerate(([failed, again, others], [others, again, failed])):
         merge_folders(folders, tmp_path / f"merged{number}")
-        assert {(row["number"], row["trial"]) for row in stored(tmp_path / f"merged{number}")} == {
-            (row["number"], row["trial"]) for folder in folders for row in stored(folder)
-        }
+        found = {(row["number"], row["trial"]) for row in stored(tmp_path / f"merged{number}")}
+        assert found == {(row["number"], row["trial"]) for folder in folders for row in stored(folder)}
         assert read_status(tmp_path / f"merged{number}").failed == []
 
 

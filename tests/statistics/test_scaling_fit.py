@@ -61,9 +61,8 @@ def lawful(run: str = "run", **changes: float) -> FittedCurve:
 
 def printed(capsys, curves, as_json: bool = False) -> str:
     laws = fit_laws(curves)
-    show(
-        fitting.fit_tables(curves, laws), {"curves": [each.record() for each in curves], "laws": laws}, as_json=as_json
-    )
+    record = {"curves": [each.record() for each in curves], "laws": laws}
+    show(fitting.fit_tables(curves, laws), record, as_json=as_json)
     return capsys.readouterr().out
 
 

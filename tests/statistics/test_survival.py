@@ -11,16 +11,8 @@ from lifelines import KaplanMeierFitter
 from lifelines.utils import median_survival_times
 from scipy.optimize import curve_fit
 
-from epuck_sim.statistics.survival import (
-    MIN_UNCENSORED,
-    confidence_interval,
-    make_curve,
-    median_time,
-    resample_counts,
-    restricted_means,
-    weibull_mean,
-    weibull_resamples,
-)
+from epuck_sim.statistics import survival
+from epuck_sim.statistics.survival import confidence_interval, make_curve, median_time, weibull_mean, weibull_resamples
 from tests.statistics.fits import Weibull, fit_weibull
 
 whole_cycles = st.integers(1, 12) | st.integers(0, 10**7)
@@ -96,7 +88,9 @@ def test_the_restricted_mean_is_the_sum_of_what_is_left_in_each_cycle(given_tria
     times, observed = given_trials
     curve = appendix_a(times, observed)
     left = [min([r for time, r in curve if time <= cycle], default=1) for cycle in range(horizon)]
-    assert restricted_means(make_curve(times, observed), horizon)[0] == pytest.approx(float(sum(left)), rel=1e-12)
+    assert survival.restricted_means(make_curve(times, observed), horizon)[0] == pytest.approx(
+        float(sum(left)), rel=1e-12
+    )
 
 
 def squares(scale, shape, times, observed):
@@ -160,7 +154,7 @@ def test_there_is_a_fit_just_if_two_event_times_leave_some_trials(given_trials):
     assert (fit is not None) == (len(events) >= 2)
     if fit is not None:
         assert 0 < min(fit) <= max(fit) < math.inf
-    if fit is None or observed.mean() < MIN_UNCENSORED:
+    if fit is None or observed.mean() < survival.MIN_UNCENSORED:
         assert math.isnan(mean) or (observed.all() and np.ptp(times) == 0 and mean == times[0]), n
     else:
         assert mean == pytest.approx(fit.mean, rel=1e-6)
@@ -256,7 +250,7 @@ def test_an_interval_lies_between_two_of_the_means_that_are_numbers(means, inter
 
 def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn_one_by_one():
     cells = np.repeat([0, 1, 2], [20_000, 9_000, 1_000])
-    blocks = [*resample_counts(cells, 3, 4000, 1)]
+    blocks = [*survival.resample_counts(cells, 3, 4000, 1)]
     counts = np.concatenate(blocks)
     assert counts.shape == (4000, 3)
     assert (counts.sum(axis=1) == len(cells)).all()
@@ -264,4 +258,4 @@ def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn
     variance = len(cells) * shares * (1 - shares)
     np.testing.assert_allclose(counts.mean(axis=0), len(cells) * shares, atol=5 * math.sqrt(variance.max() / 4000))
     np.testing.assert_allclose(counts.var(axis=0), variance, rtol=0.15)
-    np.testing.assert_array_equal(np.concatenate([*resample_counts(cells, 3, 4000, 1)]), counts)
+    np.testing.assert_array_equal(np.concatenate([*survival.resample_counts(cells, 3, 4000, 1)]), counts)

@@ -142,20 +142,13 @@ BASE = {
     "stop": {"order_parameter": 1.0, "max_cycles": 12},
 }
 
+DEAD = {"kind": "ring_dead", "robots": [1], "at_s": 3.05}
+MOVABLE = {"x_cm": 17, "y_cm": 17, "radius_cm": 2, "mass_kg": 0.1, "friction": 0.5}
+
 CASES = {
     "plain": {},
-    "faults": {
-        "faults": [
-            {"kind": "ring_dead", "robots": [1], "at_s": 3.05},
-            {"kind": "oscillator_frozen", "robots": [2], "at_s": 5, "until_s": 9},
-        ]
-    },
-    "movables": {
-        "arena": {
-            **BASE["arena"],
-            "movables": [{"x_cm": 17, "y_cm": 17, "radius_cm": 2, "mass_kg": 0.1, "friction": 0.5}],
-        }
-    },
+    "faults": {"faults": [DEAD, {"kind": "oscillator_frozen", "robots": [2], "at_s": 5, "until_s": 9}]},
+    "movables": {"arena": {**BASE["arena"], "movables": [MOVABLE]}},
     "schedule": {"schedule": [{"at_s": 4.3, "set": {"arena.width_cm": 60}}]},
     "groups": {"robots": [*BASE["robots"], {"count": 2, "signal": {"kind": "cone"}}]},
     "no oscillators": {"robots": [{"count": 6, "controller": "obstacle_avoidance"}], "stop": {"max_time_s": 30}},

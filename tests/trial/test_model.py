@@ -71,10 +71,8 @@ def test_a_trial_is_run_as_its_model_s_once_and_progress_is_shown_before_observe
 def test_synchrony_at_the_very_limit_of_cycles_is_not_censored(name: str, settings: list[str]) -> None:
     free = run_trial(simulate(load_scenario(name, settings), 2))
     assert free.t_sync_cycles > 1
-    limited, stopped = (
-        run_trial(simulate(load_scenario(name, [*settings, f"stop.max_cycles={limit}"]), 2))
-        for limit in (free.cycles, free.cycles - 1)
-    )
+    limits = ([*settings, f"stop.max_cycles={limit}"] for limit in (free.cycles, free.cycles - 1))
+    limited, stopped = (run_trial(simulate(load_scenario(name, each), 2)) for each in limits)
     assert without_wall(limited) == without_wall(free)
     assert (stopped.censored, stopped.t_sync_cycles, stopped.cycles) == (True, None, free.cycles - 1)
 

@@ -51,9 +51,8 @@ def test_the_phases_that_a_cycle_displaces_were_in_the_order_that_was_measured_a
     orders = []
     for schedule in ([], [{"at_cycle": 5, "displace": {"by_cycles": "random"}}]):
         seen, scenario = {}, load_scenario({**given, "schedule": schedule, "measures": ["order_parameter"]})
-        run_trial(
-            simulate(scenario, 4), [lambda _, state, seen=seen: seen.update({state.cycles: state.order_parameter})]
-        )
+        look = [lambda _, state, seen=seen: seen.update({state.cycles: state.order_parameter})]
+        run_trial(simulate(scenario, 4), look)
         orders.append(seen)
     assert [orders[0][cycle] for cycle in range(6)] == [orders[1][cycle] for cycle in range(6)]
     assert orders[0][6] != orders[1][6]
