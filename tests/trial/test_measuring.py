@@ -1,14 +1,17 @@
-"""Measures of a trial: what they are told, one by one or many at once, that they change nothing, how they fail."""
+"""Measures of a trial: what they are told, that they change nothing, how they fail; what changes and ends trials."""
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from epuck_sim import MeasureError, load_scenario
+from epuck_sim import MeasureError, ParticleSimulation, Simulation, load_scenario
 from epuck_sim.embodied.history import MOST_STEPS
 from epuck_sim.measures.loader import SHIPPED, find_measure
 from epuck_sim.trial.measuring import as_value
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, TELLTALE, write
+from tests.trial import without_wall
 
 SHORT = ["stop.max_cycles=6"]
 MODELS = ["thesis", "particles"]
@@ -174,3 +177,235 @@ def test_they_find_what_they_find_step_by_step(case: str) -> None:
 def test_interpreted_controllers_make_the_same_stretches() -> None:
     compiled, interpreted = values("faults"), values("faults", interpret=True)
     assert compiled.measures == interpreted.measures
+
+
+STOP = {"max_cycles": 12, "order_parameter": None}
+SCHEDULE = [
+    {"at_cycle": 3, "set": {"robots.0.parameters.speed_cm_s": 0}},
+    {"at_cycle": 5, "displace": {"by_cycles": "random"}},
+    {"at_s": 30, "set": {"robots.0.parameters.speed_cm_s": 5}},
+]
+
+
+class Firings:
+    """Notes what it sees of a trial."""
+
+    def __init__(self):
+        self.steps, self.orders, self.ahead = {}, {}, []
+
+    def __call__(self, step, state):
+        if state.cycles not in self.steps:
+            self.steps[state.cycles], self.orders[state.cycles] = step.number, state.order_parameter
+        self.ahead.append((step.wheels_cm_s == 12.8).all(axis=1).any())  # robots that turn finish their turn
+
+
+def test_changes_after_a_cycle_act_in_the_next_step_whether_trials_are_observed_or_not():
+    scenario = load_scenario({"schedule": SCHEDULE, "stop": STOP})
+    seen, seed = Firings(), 4
+    observed = run_trial(Simulation(scenario, seed), [seen])
+    alone = run_trial(Simulation(scenario, seed))
+    for other in (observed, run_trial(Simulation(scenario, seed, interpret=True))):
+        assert other._replace(wall_s=0) == alone._replace(wall_s=0)
+    steps = [event.step for event in sorted(alone.events, key=lambda event: event.source)]
+    assert steps == [seen.steps[3] + 1, seen.steps[5] + 1, 300]
+    assert seen.ahead[steps[0] - 1]
+    assert not any(seen.ahead[steps[0] :])
+
+
+AGENTS = {"model": "particles", "agents": {"count": 6, "speed_cm_s": 20}, "stop": STOP}
+
+
+@pytest.mark.parametrize("given", [{"stop": STOP}, AGENTS], ids=["robots", "agents"])
+def test_the_phases_that_a_cycle_displaces_were_in_the_order_that_was_measured_at_it(given):
+    orders = []
+    for schedule in ([], [{"at_cycle": 5, "displace": {"by_cycles": "random"}}]):
+        seen, scenario = {}, load_scenario({**given, "schedule": schedule, "measures": ["order_parameter"]})
+        look = [lambda _, state, seen=seen: seen.update({state.cycles: state.order_parameter})]
+        run_trial(simulate(scenario, 4), look)
+        orders.append(seen)
+    assert [orders[0][cycle] for cycle in range(6)] == [orders[1][cycle] for cycle in range(6)]
+    assert orders[0][6] != orders[1][6]
+
+
+STILL = {"set": {"robots.0.parameters.speed_cm_s": 0}}
+
+
+@pytest.mark.parametrize(("for_cycles", "measures"), [(1, []), (3, []), (3, ["order_parameter"]), (None, [])])
+def test_a_condition_must_hold_at_firings_in_a_row(for_cycles, measures):
+    schedule = [{"when": "order_parameter >= 0.6", "for_cycles": for_cycles, **STILL}]
+    stop = {"max_cycles": 60, "order_parameter": None}
+    scenario, for_cycles = load_scenario({"schedule": schedule, "stop": stop, "measures": measures}), for_cycles or 1
+    seen = Firings()
+    result = run_trial(Simulation(scenario, 1), [seen])
+    rows = [cycle for cycle in seen.orders if cycle >= for_cycles]
+    first = next(cycle for cycle in rows if all(seen.orders[cycle - back] >= 0.6 for back in range(for_cycles)))
+    assert [event.step for event in result.events] == [seen.steps[first] + 1]
+
+
+STEPS = """
+class Steps:
+    def __init__(self, simulation):
+        self.count = 0
+
+    def step(self, step, state):
+        self.count += 1
+
+    def value(self):
+        return self.count % 120
+"""
+"""A measure that is 60 or more, and then less, for some seconds each."""
+
+
+def test_a_condition_on_a_measure_of_steps_acts_in_the_next_one_or_after_firings_in_a_row(tmp_path):
+    (tmp_path / "mine.py").write_text(STEPS)
+    measures, stop = [f"{tmp_path / 'mine.py'}:Steps"], {"max_cycles": 12, "order_parameter": None}
+    schedule = [
+        {"when": "Steps >= 60", **STILL},
+        {"when": "Steps >= 60", "for_cycles": 1, "displace": {"by_cycles": 0.1}},
+        {"when": {"measure": "Steps", "relation": ">=", "value": 60}, "for_cycles": 9, **STILL},
+    ]
+    scenario = load_scenario({"schedule": schedule, "stop": stop, "measures": measures})
+    seen = Firings()
+    steps = {event.source: event.step for event in run_trial(Simulation(scenario, 3), [seen]).events}
+    holds = [step for cycle, step in seen.steps.items() if cycle and (step + 1) % 120 >= 60]
+    assert steps == {"schedule.0": 60, "schedule.1": holds[0] + 1}
+    assert holds[0] > 60
+
+
+CHANGES = [
+    {"at_cycle": 3, "set": {"agents.speed_cm_s": 0, "neighbourhood.k": 2}},
+    {"at_cycle": 5, "displace": {"by_cycles": "random"}},
+    {"at_s": 7.3, "set": {"response.coupling": 0.3}},
+    {"when": "order_parameter > 0.5", "for_cycles": 2, "displace": {"agents": [1], "by_cycles": 0.4}},
+]
+
+
+@pytest.mark.parametrize("end", [{}, {"max_time_s": 9.1}, {"when": "order_parameter > 0.97"}])
+@pytest.mark.parametrize("seed", range(2))
+def test_swarms_change_at_the_same_instants_whether_trials_are_observed_or_not(seed, end):
+    scenario = load_scenario({**AGENTS, "schedule": CHANGES, "stop": {**STOP, **end}})
+    alone = run_trial(ParticleSimulation(scenario, seed))
+    cycles = {}
+    look = [lambda _, state: cycles.setdefault(state.cycles, (state.time_s, state))]
+    observed = run_trial(ParticleSimulation(scenario, seed), look)
+    assert observed._replace(wall_s=0) == alone._replace(wall_s=0)
+    times = {event.source: event.time_s for event in alone.events}
+    assert alone.cycles < 5 or times["schedule.1"] == cycles[5][0]
+    assert times["schedule.0"] == cycles[3][0]
+    assert times.get("schedule.2", 7.3) == 7.3
+    assert (alone.simulated_s == 9.1) == ("max_time_s" in end)
+
+
+def test_a_displacement_may_bring_a_firing_before_the_end_of_a_trial():
+    """Without it, the next firing would be after the end; with it, agent 1 fires before."""
+    given = {"model": "particles", "agents": {"count": 2, "speed_cm_s": 0}, "start": {"phases": [0.0, 0.1]}}
+    schedule = [{"at_s": 0.4, "displace": {"agents": [1], "by_cycles": 0.4}}]
+    scenario = load_scenario({**given, "schedule": schedule, "stop": {"order_parameter": None, "max_time_s": 0.55}})
+    seen = []
+    for observers in ([], [lambda event, _: seen.append(event.fired.tolist())]):
+        result = run_trial(ParticleSimulation(scenario), observers)
+        assert (result.steps, result.simulated_s, len(result.events)) == (1, 0.55, 1)
+    assert seen == [[], [1]]
+
+
+def test_a_condition_on_a_measure_of_events_changes_a_swarm_at_the_event(tmp_path):
+    (tmp_path / "mine.py").write_text(STEPS.replace("def step(self, step", "def event(self, event"))
+    measures, schedule = [f"{tmp_path / 'mine.py'}:Steps"], [{"when": "Steps >= 8", "set": {"agents.speed_cm_s": 0}}]
+    scenario = load_scenario({**AGENTS, "schedule": schedule, "measures": measures})
+    events = ParticleSimulation({**AGENTS}, 3)
+    for _ in range(8):
+        next(events)
+    result = run_trial(ParticleSimulation(scenario, 3))
+    assert [(event.time_s, event.step) for event in result.events] == [(events.time_s, events.instants)]
+
+
+KINDS = ["embodied", "particles"]
+SERIES = """
+class Series:
+    def __init__(self, simulation):
+        self.seen = []
+
+    def cycle(self, event, state):
+        self.seen.append(None if len(self.seen) == 1 else state.cycles % 4)
+
+    def value(self):
+        return {kind}(self.seen)
+"""
+
+
+def trial(model, stop, measures=(), seed=3, observers=(), **sections):
+    given = {"model": model, "measures": list(measures), "stop": {"max_cycles": 12, **stop}, **sections}
+    return run_trial(simulate(load_scenario(given), seed), observers)
+
+
+@pytest.mark.parametrize("model", KINDS)
+@pytest.mark.parametrize("observers", [(), (onlooking,)])
+@pytest.mark.parametrize(("kind", "when", "cycles"), [("list", "> 2", 3), ("tuple", "<= 0", 4), ("list", "> 3", 12)])
+def test_a_trial_ends_at_the_cycle_at_which_a_series_satisfies_it(model, observers, kind, when, cycles, tmp_path):
+    path = write(tmp_path / "mine.py", SERIES.format(kind=kind))
+    result = trial(model, {"when": f"Series {when}"}, [str(path)], observers=observers)
+    assert (result.cycles, len(result.measures["Series"])) == (cycles, cycles)
+    assert (result.t_sync_cycles, result.censored) == (None, None)
+    assert result.order_parameter is not None
+    plain = trial(model, {"order_parameter": None, "max_cycles": cycles})
+    assert without_measures(result) == without_measures(plain)
+
+
+@pytest.mark.parametrize("model", KINDS)
+def test_a_condition_on_the_order_parameter_listed_or_not_ends_trials_where_synchrony_would(model):
+    stop = {"order_parameter": 0.9, "max_cycles": 400}
+    usual = [trial(model, stop, seed=seed) for seed in range(4)]
+    when = {"when": "order_parameter >= 0.9", "max_cycles": 400}
+    ended = [trial(model, when, ["order_parameter"], seed=seed) for seed in range(4)]
+    assert without_measures(trial(model, when, seed=3)) == without_measures(ended[3])
+    assert not all(result.censored for result in usual)
+    for one, other in zip(usual, ended, strict=True):
+        assert one.t_sync_cycles in (None, other.cycles)
+        assert other.measures["order_parameter"][-1] == other.order_parameter == one.order_parameter
+        assert (one.cycles, one.steps, one.simulated_s) == (other.cycles, other.steps, other.simulated_s)
+
+
+@pytest.mark.parametrize("model", KINDS)
+def test_a_measure_that_is_told_of_every_event_ends_the_trial_after_any(model, tmp_path):
+    path = write(tmp_path / "mine.py", TELLTALE.replace("return self.seen", "return len(self.seen)"))
+    result = trial(model, {"when": "Telltale >= 7"}, [str(path)])
+    assert result.measures["Telltale"] == 7
+    if model == "embodied":
+        assert result.steps == 7
+
+
+@pytest.mark.parametrize("model", KINDS)
+@pytest.mark.parametrize(("value", "cycles"), [("self.told > 4", 5), ("None", 12), ("[]", 12), ("float('nan')", 12)])
+def test_true_counts_as_one_and_what_is_undetermined_ends_nothing(model, value, cycles, tmp_path):
+    path = write(tmp_path / "mine.py", COUNTER.replace("self.offset + self.weight * self.told", value))
+    assert trial(model, {"when": "Counter >= 1"}, [str(path)]).cycles == cycles
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.01, 30), st.integers(0, 5), st.floats(0.2, 3))
+def test_agents_end_at_a_time_observed_or_not(time_s, seed, period_s):
+    clocks, measures, events = {"period_s": period_s}, [{"density": {"cells": 2}}], []
+    stop = {"order_parameter": None, "max_time_s": time_s, "max_cycles": 1000}
+    fast = trial("particles", stop, measures, seed=seed, clocks=clocks)
+    seen = [lambda event, _: events.append(event.time_s)]
+    slow = trial("particles", stop, measures, seed=seed, observers=seen, clocks=clocks)
+    assert without_wall(fast) == without_wall(slow)
+    assert fast.simulated_s == pytest.approx(time_s, rel=1e-12)
+    assert all(time <= time_s * (1 + 1e-12) for time in events)
+    simulation = simulate(load_scenario({"model": "particles", "stop": stop, "clocks": clocks}), seed)
+    simulation.run_to(time_s)
+    assert (fast.cycles, fast.steps) == (simulation.cycles, simulation.instants)
+    assert fast.order_parameter == simulation.order_parameter
+
+
+def test_agents_that_are_synchronised_before_the_time_end_then_and_a_trial_may_have_no_time_at_all():
+    stop = {"order_parameter": 0.5, "max_cycles": 10_000}
+    usual = trial("particles", stop)
+    later = trial("particles", {**stop, "max_time_s": 2 * usual.simulated_s})
+    assert without_wall(later) == without_wall(usual)
+    cut = trial("particles", {**stop, "max_time_s": usual.simulated_s / 2})
+    assert (cut.censored, cut.t_sync_cycles) == (True, None)
+    assert cut.cycles < usual.cycles
+    for model in KINDS:  # no time at all is a trial, too
+        result = trial(model, {"order_parameter": None, "max_time_s": 1e-3})
+        assert (result.cycles, result.order_parameter, result.censored) == (0, None, None)
