@@ -69,7 +69,7 @@ def test_trials_of_a_chunk_are_those_of_new_simulations(name: str, monkeypatch) 
     assert len(made) == (2 * len(tasks) if "like" in name else points_made)
 
 
-def test_a_controller_that_is_edited_between_two_chunks_is_set_up_anew_and_not_kept_if_it_fails(tmp_path, monkeypatch):
+def test_an_edited_controller_is_set_up_anew_and_neither_failures_nor_too_many_are_kept(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(worker, "_kept", {})
     path = tmp_path / "mine.py"
     path.write_text(with_step("actuators.left_cm_s = 1"))
@@ -79,11 +79,8 @@ def test_a_controller_that_is_edited_between_two_chunks_is_set_up_anew_and_not_k
     write_soon_after(path, with_step("1 / 0"))
     assert all("ZeroDivisionError" in str(each.error) for each in run_chunk(tasks_of(tasks[0].scenario, 2)))
     assert [*worker._kept] == kept
-
-
-def test_no_more_simulations_are_kept_than_memory_allows(monkeypatch) -> None:
-    monkeypatch.setattr(worker, "_kept", {})
     monkeypatch.setattr(worker, "KEPT", 1)
+    monkeypatch.setattr(worker, "_kept", {})
     run_chunk(tasks_of(SCENARIOS["agents"]))
     assert len(worker._kept) == 1
 
