@@ -310,7 +310,7 @@ def test_flipped_bytes_never_give_wrong_rows(whole, tmp_path, flips: int) -> Non
         else:
             assert found == rows, number
     print(f"\n{flips} damaged databases: {refusals} refused, the others read as they were, none with wrong rows")
-    assert refusals > 60
+    assert refusals > flips * 2 / 3
 
 
 def test_a_database_without_checksums_is_refused(whole, tmp_path) -> None:
