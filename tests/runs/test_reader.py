@@ -33,23 +33,8 @@ from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
-from tests.runs.made_folders import (
-    COUNT,
-    DATABASE,
-    DEMO,
-    SPEED,
-    WIDTH,
-    ended,
-    fill,
-    in_memory,
-    outcome,
-    put,
-    rows,
-    scenario_of,
-    store,
-    stored,
-    sweep,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import COUNT, DATABASE, DEMO, SPEED, ended, fill, outcome, put, scenario_of, store, stored
 from tests.sweep.pool_here import pool_here
 
 MADE_BY = {**versions(), "host": host()}
@@ -179,7 +164,7 @@ def test_a_database_is_checked_once_however_often_it_is_read_and_written(tmp_pat
     assert len(checked) == 2
 
 
-FOUR = sweep({COUNT: [3, 5], SPEED: [1, 2]}, trials=2)
+FOUR = made_folders.sweep({COUNT: [3, 5], SPEED: [1, 2]}, trials=2)
 
 
 def half_censored(point):
@@ -201,9 +186,8 @@ def test_there_is_a_row_for_each_trial_in_the_order_of_the_sweep(tmp_path) -> No
 
 def test_the_measure_asked_for_is_a_column_and_trials_without_t_sync_are_neither_censored_nor_not(monkeypatch) -> None:
     without = {"has_t_sync": False, "measured": (0.5, [1, 2]), "of": "order"}
-    points = SweepTrials(
-        point._replace(observed=point.observed & False, **without) for point in in_memory(FOUR, half_censored)
-    )
+    made = made_folders.in_memory(FOUR, half_censored)
+    points = SweepTrials(point._replace(observed=point.observed & False, **without) for point in made)
     frame = points.to_pandas()
     assert frame["order"].tolist() == [0.5, [1, 2]] * 4
     assert frame["censored"].tolist() == [None] * 8
@@ -234,7 +218,7 @@ def exported(folder: Path) -> tuple[pa.Table, list[dict[str, str]]]:
     parquet, text = (folder.with_name(f"results.{kind}") for kind in ("parquet", "csv"))
     for target in (parquet, text):
         export(folder, target)
-    return pq.read_table(parquet), rows(text)
+    return pq.read_table(parquet), made_folders.rows(text)
 
 
 @pytest.fixture
@@ -315,9 +299,10 @@ def test_axis_values_keep_their_kinds_and_are_the_same_in_text(folder, key: str,
 
 
 def test_values_are_under_their_own_keys_however_the_points_list_them(folder) -> None:
-    fill(folder, scenario_of({"points": [{COUNT: 2, WIDTH: 50}, {WIDTH: 60, COUNT: 3}]}, trials=1))
+    width = made_folders.WIDTH
+    fill(folder, scenario_of({"points": [{COUNT: 2, width: 50}, {width: 60, COUNT: 3}]}, trials=1))
     table, _ = exported(folder)
-    assert (table[COUNT].to_pylist(), table[WIDTH].to_pylist()) == ([2, 3], [50, 60])
+    assert (table[COUNT].to_pylist(), table[width].to_pylist()) == ([2, 3], [50, 60])
 
 
 SCENARIO = {
