@@ -139,7 +139,7 @@ def test_a_request_ends_a_sweep_cleanly_and_it_says_how_to_go_on(tmp_path, unint
 
 @pytest.mark.parametrize("times", [1, pytest.param(6, marks=pytest.mark.slow)])
 def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
-    path, random = short_sweep(tmp_path, TRIALS), Random(1)
+    path, random = short_sweep(tmp_path, 20 * TRIALS), Random(1)
     for number in range(times):
         mark = f"{tmp_path.name}-{number}"
         run = begin(path, "--out", tmp_path / f"run-{number}", "--workers", 2, folder=tmp_path, mark=mark)
