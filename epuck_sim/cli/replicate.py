@@ -59,7 +59,7 @@ def replicate(
             typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
         return
     from epuck_sim.replication.page import read_contents, write_replication
-    from epuck_sim.replication.sweeps import Trials, needed_sweeps, sweep_folder
+    from epuck_sim.replication.sweeps import LOOKS, Trials, needed_sweeps, sweep_folder
     from epuck_sim.sweep.cluster import DaskCluster
     from epuck_sim.sweep.executors import local_pool
 
@@ -69,7 +69,7 @@ def replicate(
     folders = {name: sweep_folder(out, name) for name in needed}
     failed, undecided = _run_claims(chosen, needed, folders, open_pool, budget_s)
     trials = Trials(folders)
-    contents = read_contents(known, chosen, needed, trials, out, file)
+    contents = read_contents(known, chosen, needed, trials, out, file, LOOKS if until_decided else 1)
     page = write_replication(contents, trials, out)
     for answer in contents.answers:
         typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")

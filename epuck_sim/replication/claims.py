@@ -4,6 +4,7 @@ A test is of trials, or of a number that follows from the thesis's equations.
 """
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -203,6 +204,9 @@ class Claims(ConfigModel):
     @model_validator(mode="after")
     def _names_agree(self) -> "Claims":
         names = [claim.id for claim in self.claims]
+        for name in (*names, *self.sweeps):
+            if not re.fullmatch(r"\w[\w.-]*", name):  # which files and folders have in their names
+                raise ValueError(f"{name!r} is no name of a claim, or of a sweep; allowed: letters, digits, _, - and .")
         for claim in self.claims:
             if names.count(claim.id) > 1:
                 raise ValueError(f"claim {claim.id} is there twice")

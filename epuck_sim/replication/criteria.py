@@ -15,6 +15,7 @@ from scipy import stats
 from scipy.special import bdtr, bdtrc, stdtr
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.statistics import statistic
 from epuck_sim.statistics.curves import Curve
@@ -27,6 +28,7 @@ RESAMPLES = 200  # of a ratio of estimators
 MIN_POINTS = 3  # fewest of a slope: two leave nothing to tell how well they lie on a line
 SCATTERED = 4.0  # mean square of deviations over errors: trials can take away a quarter of a slope's variance at most
 GRID_POINTS = 200  # places at which curves are compared
+NEARLY_1 = 1 - 1e-12  # largest correlation of which Fisher's transform is asked
 
 LAWS = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.lognorm}
 """Distributions of positive numbers, each of two parameters: a shape and a scale."""
@@ -128,6 +130,8 @@ def share_difference(first: Measured, second: Measured) -> Effect:
 
 
 def _truths(sample: Measured) -> Measured:
+    if len(sample.values) and not (sample.is_share or math.isfinite(sample.limit)):
+        raise EpuckSimError("a share is of trials in which a measure is true; this measure has other values")
     true = sample.values > 0 if sample.is_share else sample.observed
     return Measured(true.astype(float), np.ones(len(true), bool), math.inf, sample.seed, is_share=True)
 
@@ -208,7 +212,7 @@ def superiority(first: Measured, second: Measured) -> Effect:
     """Return the probability that a trial of the second sample takes longer than one of the first.
 
     Equal trials, such as those censored at one limit, count half: of equal distributions it is 0.5. The test is that of
-    Brunner and Munzel (2000).
+    Brunner and Munzel (2000); where no trial of one sample is as long as any of the other, that of n independent pairs.
     """
     sizes = len(first.values), len(second.values)
     if min(sizes) < MIN_TRIALS:
@@ -220,6 +224,14 @@ def superiority(first: Measured, second: Measured) -> Effect:
     within = [stats.rankdata(each.values) for each in (first, second)]
     parts = [size * float((mine - among).var(ddof=1)) for size, mine, among in zip(sizes, own, within, strict=True)]
     spread = sum(part**2 / (size - 1) for part, size in zip(parts, sizes, strict=True))
+    if value in (0, 1):  # so is it of each pair of trials, one of either sample, and of so many pairs at once
+        pairs, end = min(sizes), ((1 - LEVEL) / 2) ** (1 / min(sizes))
+        apart = Estimate(value, end, 1.0) if value else Estimate(value, 0.0, 1 - end)
+        return Effect(
+            apart,
+            lambda threshold: threshold**pairs if value else 1.0,
+            lambda threshold: 1.0 if value else (1 - threshold) ** pairs,
+        )
     error = math.sqrt(sum(parts)) / (sizes[0] * sizes[1])
     return student(value, error, sum(parts) ** 2 / spread if spread else 0)
 
@@ -233,7 +245,7 @@ def rank_trend(x: FloatArray, samples: Sequence[Measured]) -> Effect:
     values = np.concatenate([each.values for each in samples])
     if len(samples) < 2 or len(values) < 2 * MIN_TRIALS or len(np.unique(values)) == 1:
         return NOTHING
-    rho = float(stats.spearmanr(places, values).statistic)
+    rho = float(np.clip(stats.spearmanr(places, values).statistic, -NEARLY_1, NEARLY_1))
     error = math.sqrt((1 + rho**2 / 2) / (len(values) - 3))
     return transformed(student(math.atanh(rho), error, len(values) - 2), math.tanh, math.atanh)
 

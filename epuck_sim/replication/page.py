@@ -72,8 +72,11 @@ def read_contents(
     trials: Trials,
     folder: Path,
     file: Path | None = None,
+    looks: int = 1,
 ) -> Contents:
     """Test the chosen claims on the trials that are stored of their sweeps, whose scenarios are given by name.
+
+    So many looks are allowed for, and `LOOKS` where trials were added.
 
     Raises:
         StoreError: A run folder is missing or damaged.
@@ -81,7 +84,7 @@ def read_contents(
     findings = [(claim, check_claim(claim, trials)) for claim in chosen]
     sweeps = {name: (trials.read(name), *trials.effort(name)) for name in trials.folders}
     stored = {name: max(len(point.times) for point in points) for name, (points, *_) in sweeps.items()}
-    looks = LOOKS if any(count > scenarios[name].trials for name, count in stored.items()) else 1
+    looks = LOOKS if any(count > scenarios[name].trials for name, count in stored.items()) else looks
     return Contents(folder, judge_claims(findings, looks), sweeps, claims, looks, file)
 
 

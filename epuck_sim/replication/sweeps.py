@@ -96,10 +96,11 @@ class Trials:
 
 def check_claim(claim: Claim, trials: Trials) -> list[Finding]:
     """Run the checks of a claim on the trials that are stored."""
-    return [
-        run_check(check, trials.read(claim.sweep, check) if claim.sweep and check.test != "formula" else [])
-        for check in claim.checks
-    ]
+    with refused_at(f"claim {claim.id}"):
+        return [
+            run_check(check, trials.read(claim.sweep, check) if claim.sweep and check.test != "formula" else [])
+            for check in claim.checks
+        ]
 
 
 LOOKS = 8  # largest number of looks at a sweep, at the last of which it has 17 times as many trials as at the first

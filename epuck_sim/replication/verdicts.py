@@ -48,6 +48,8 @@ REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
 }
 """What stands for the values of a series."""
 
+POWERS = ("power_exponent", "place_exponent")  # tests that take logarithms of their last axis
+
 AnyPoint = TypeVar("AnyPoint", Point, PointTrials)  # a point of a sweep, with or without its trials
 
 
@@ -90,7 +92,9 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
         raise EpuckSimError(f"of: {did_you_mean(check.of, measured)}; measured: {comma_list(measured)}")
     for key in ("along", "over"):
         if key in test.takes:
-            choose_axis([point.axes for point in used], getattr(check, key), key)
+            axis = choose_axis([point.axes for point in used], getattr(check, key), key)
+            if check.test in POWERS and key == test.takes[-1] and min(float(point.axes[axis]) for point in used) <= 0:
+                raise EpuckSimError(f"{key}: {axis} is 0 or less at a point; a power takes values above 0")
     if test.points not in (None, len(used)):
         of = "one at each place" if test.points == 2 else "one"
         raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; {check.test} is of {of}")
@@ -177,6 +181,11 @@ def reduction(check: Check) -> str | None:
 def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
     """Return points with what a check takes of their measured values; None for a series without a value."""
     name = reduction(check)
+    is_series = any(isinstance(value, list) for point in points for value in point.measured)
+    if name is None and is_series:
+        raise EpuckSimError(f"{check.of} is a series, with a value for each cycle; give take, such as take: final")
+    if check.take and not is_series and any(value is not None for point in points for value in point.measured):
+        raise EpuckSimError(f"take is {check.take!r}, and {check.of} is no series; leave it out")
     if name is None:
         return list(points)
 

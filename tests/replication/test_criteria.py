@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from epuck_sim import load_scenario
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import Estimate
 from epuck_sim.replication import criteria
 from epuck_sim.replication.criteria import largest_rise, level, likelier, mean_with_error, ratio, share, slope
@@ -180,7 +181,10 @@ def test_censored_trials_are_ties_few_trials_tell_nothing_and_equal_distribution
     assert criteria.superiority(first, second).estimate.value == 0.5
     assert math.isnan(criteria.superiority(measured([1, 2, 3]), measured([5, 6, 7, 8, 9])).estimate.value)
     apart = criteria.superiority(measured([1, 2, 3, 4, 5]), measured([6, 7, 8, 9, 10]))
-    assert apart.p_above(0.5) == 1  # no overlap shows no scatter
+    assert (apart.p_above(0.5), apart.p_below(0.5)) == (0.5**5, 1)  # five independent pairs, all of them alike
+    assert (apart.estimate.low, apart.estimate.high) == (pytest.approx(0.025**0.2), 1)
+    reverse = criteria.superiority(measured([6, 7, 8, 9, 10]), measured([1, 2, 3, 4, 5]))
+    assert (reverse.p_below(0.4), reverse.p_above(0.4), reverse.estimate.low) == (pytest.approx(0.6**5), 1, 0)
     effect = criteria.superiority(lognormal(10, 900, 1), lognormal(10, 900, 2))
     assert effect.p_above(0.4) < 1e-6
     assert effect.p_below(0.6) < 1e-6
@@ -200,6 +204,14 @@ def test_a_rank_trend_is_spearmans(curves) -> None:
     assert effect.estimate.value == pytest.approx(expected)
     assert effect.estimate.low <= expected <= effect.estimate.high
     assert effect.p_above(effect.estimate.low) == pytest.approx(0.025, abs=1e-6)
+
+
+def test_a_perfect_trend_is_one_and_numbers_have_no_share_that_is_true() -> None:
+    effect = criteria.rank_trend(np.arange(5.0), [measured([value] * 4) for value in range(5)])
+    assert effect.estimate.value == pytest.approx(1)
+    assert effect.p_above(0.9) < 1e-6
+    with pytest.raises(EpuckSimError, match="this measure has other values"):
+        share(measured([0, 0, 0, 0, 0]))
 
 
 def test_intervals_of_strong_trends_hold_the_truth() -> None:
