@@ -75,7 +75,7 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
             "emission": neighbours.EMISSION_CONE,
             "random": neighbours.RANDOM,
         },
-        "angles": {f"{angle:g}": _cosine_and_sine(angle) for angle in _angles(scenario)},
+        "angles": [(angle, _cosine_and_sine(angle)) for angle in _angles(scenario)],
         "reach_cm": REACH_CM,
         "unlimited_cm": neighbours.UNLIMITED_CM,
         "ball_volume": neighbours.BALL_VOLUME[scenario.space.dimensions],

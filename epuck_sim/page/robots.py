@@ -93,7 +93,7 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "wall_cm": WALL_CM,
         "circles": arena.circles.tolist(),
         "polygons": [corners.tolist() for corners in arena.polygons],
-        "views": {f"{view:g}": _view(scenario, view) for view in _views(scenario)},
+        "views": [(view, _view(scenario, view)) for view in _views(scenario)],
         "step_ms": scenario.timing.step_ms,
         "nominal_period_ms": NOMINAL_PERIOD_S * 1000,
         "reference": stop.reference_robot,
@@ -110,8 +110,8 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
     """Return the beginning of trials with some number of robots in the first group: a block, and what is called."""
     changes: dict[str, Any] = {"robots.0.count": count}
     if _has_free_sides(scenario):
-        least_cm = cell_cm(scenario.group_kinds)
-        side_cm = max(_sides(scenario), key=lambda side: cells_needed(side, side, count, least_cm))
+        robots, least_cm = count + scenario.robot_count - scenario.robots[0].count, cell_cm(scenario.group_kinds)
+        side_cm = max(_sides(scenario), key=lambda side: (cells_needed(side, side, robots, least_cm), side))
         changes |= {"arena.width_cm": side_cm, "arena.height_cm": side_cm}
     block, functions = Simulation(with_values(scenario, changes, scenario.name), seed=0).beginning()
     controllers, sensors = own_controllers(scenario), own_sensors(scenario)

@@ -132,7 +132,7 @@ def page_data(
         "speed": speed and {"key": speed_key, "stops": _spread(speed)},
         "scenario": source,
         "sets": list(settings),
-        "seed": scenario.seed,
+        "seed": str(scenario.seed),  # a number of JavaScript's would be rounded
         "one": one,
         "student": [student_quantile(freedom) for freedom in range(1, MOST_FREEDOM + 1)],
     }

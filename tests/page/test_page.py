@@ -243,13 +243,15 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
 @needs_browser
 def test_a_link_brings_values_and_seed_back(opened) -> None:
     browser = opened("particles")
-    browser.run("page.change({'agents.speed_cm_s': 2, 'neighbourhood.kind': 'range'}); page.take_seed(12n)")
+    browser.run(f"page.change({{'agents.speed_cm_s': 2, 'neighbourhood.kind': 'range'}}); page.take_seed({2**70 + 1}n)")
     link, command = browser.run("[location.href, page.command]")
     assert command == (
-        "epuck-sim run particles --set agents.speed_cm_s=2 --set 'neighbourhood={kind: range, radius_cm: 30}' --seed 12"
+        "epuck-sim run particles --set agents.speed_cm_s=2 --set 'neighbourhood={kind: range, radius_cm: 30}' "
+        f"--seed {2**70 + 1}"
     )
     browser.open(link)
-    assert browser.run("[page.command, String(page.seed)]") == [command, "12"]
+    assert browser.run("[page.command, String(page.seed)]") == [command, f"{2**70 + 1}"]
+    assert opened("particles", [f"seed={2**53 + 1}"]).run("String(page.seed)") == f"{2**53 + 1}"
 
 
 @pytest.mark.parametrize(("scenario", "limit"), [("thesis", 12.8), ("kilobots", 1.0)])
@@ -283,7 +285,7 @@ CAMERA = "robots.0.camera={frames_per_s: 8, latency_ms: 50, reflection_range_cm:
 CASES: dict[str, tuple[str, list[str], int]] = {
     # name: scenario, changes, trials
     "agents": ("particles", [], 40),
-    "agents in cones": ("particles", ["neighbourhood={kind: cone_of_vision, angle_deg: 90}"], 20),
+    "agents in cones": ("particles", ["neighbourhood={kind: cone_of_vision, angle_deg: 114.591559}"], 20),
     "agents with emission": ("particles", ["neighbourhood={kind: cone_of_emission, angle_deg: 50, radius_cm: 60}"], 20),
     "agents in range": ("particles", ["neighbourhood={kind: range, radius_cm: 30}", "stop.max_cycles=200"], 20),
     "any agents": ("particles", ["neighbourhood={kind: random, k: 2}"], 20),
@@ -307,6 +309,7 @@ CASES: dict[str, tuple[str, list[str], int]] = {
     "robots with mirrors and slow cameras": ("thesis", [CAMERA, "spread.clock_rate=0.02"], 4),
     "robots with friction": ("thesis", ["contact={friction: 0.4}", "robots.0.count=20", "stop.max_cycles=12"], 2),
     "robots that pass through each other": ("thesis", ["contact.robots=false", "stop.max_time_s=60"], 3),
+    "two groups of robots": ("thesis", ["robots=[{count: 3}, {count: 3}]", "stop.max_cycles=12"], 2),
     "no oscillators": ("wall", [], 2),
 }
 

@@ -20,7 +20,7 @@ function agentsScene(facts, values) {
     radius = values["neighbourhood.radius_cm"] ?? unlimited_cm;
     if (rule !== "range") angle = values["neighbourhood.angle_deg"];
   } else kind = kinds.emission;
-  const row = kind === kinds.nearest ? Math.max(k, 1) : agents, isCone = angle < 360, [cos, sin] = facts.angles[angle];
+  const row = kind === kinds.nearest ? Math.max(k, 1) : agents, isCone = angle < 360, [, [cos, sin]] = facts.angles.find((/** @type {any[]} */ each) => each[0] === angle);
   const spacing = side / agents ** (1 / dimensions);
   const cell = kind === kinds.nearest ? spacing : Math.max(spacing, radius / 2);
   const expected = k + 1 + 3 * Math.sqrt(k + 1);

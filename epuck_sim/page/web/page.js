@@ -329,7 +329,7 @@ class Page {
   read_address() {
     for (const [key, text] of new URLSearchParams(location.hash.slice(1))) {
       const setting = this.settings.get(key), value = setting?.stops.find((/** @type {any} */ stop) => `${stop}` === text);
-      if (key === "seed" && /^\d{1,18}$/.test(text)) this.seed = BigInt(text);
+      if (key === "seed" && /^\d{1,40}$/.test(text)) this.seed = BigInt(text);
       else if (value !== undefined) this.values[key] = value;
     }
     if ("arena.width_cm" in this.values && this.settings.has("arena.width_cm")) this.values["arena.height_cm"] = this.values["arena.width_cm"];
@@ -469,9 +469,9 @@ class Page {
     for (const [id, what] of Object.entries(pressed)) find(id).onclick = what;
     find("find").oninput = () => this.show_keys();
     find("seed").onchange = () => {
-      const { value } = find("seed"), is_seed = /^\d{1,18}$/.test(value);
+      const { value } = find("seed"), is_seed = /^\d{1,40}$/.test(value);
       if (is_seed) return this.take_seed(BigInt(value));
-      this.say(`The seed is not ${value || "empty"}: it has 1 to 18 digits`);
+      this.say(`The seed is not ${value || "empty"}: it has 1 to 40 digits`);
       find("seed").value = `${this.seed}`;
     };
     document.addEventListener("keydown", (event) => {

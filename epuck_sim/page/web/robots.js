@@ -89,7 +89,8 @@ class Robots {
 
   /** Set the camera of the first group. */
   set_view() {
-    const view = this.facts.views[this.values["robots.0.camera.field_of_view_deg"]];
+    const wanted = this.values["robots.0.camera.field_of_view_deg"];
+    const view = this.facts.views.find((/** @type {any[]} */ each) => each[0] === wanted)?.[1];
     if (!view || this.facts.sees[0] !== "camera") return;
     for (const [name, value] of Object.entries(view.camera)) this.set("group", `camera.${name}`, 0, Number(value));
     this.block.floats(this.place_of("rays"), view.rays.length).set(view.rays);
