@@ -197,12 +197,13 @@ def _oscillators(scenario: Scenario) -> tuple[Response, float, float]:
     else:
         assert isinstance(scenario, EmbodiedScenario)
         jitter, key = 0.0, "robots.0.parameters.coupling"
+        for number, group in enumerate(scenario.robots):
+            if not {"coupling", "period_s"} <= set(group.parameters):
+                raise ScenarioError(
+                    f"{name}: robots.{number}.controller: is {group.controller!r}, which has no parameters coupling "
+                    "and period_s; predict needs oscillators, such as firefly"
+                )
         parameters: Mapping[str, Any] = scenario.robots[0].parameters
-        if not {"coupling", "period_s"} <= set(parameters):
-            raise ScenarioError(
-                f"{name}: robots.0.controller: is {scenario.robots[0].controller!r}, which has no parameters coupling "
-                "and period_s; predict needs an oscillator, such as firefly"
-            )
         refractory = float(parameters.get("refractory_fraction", 0.0))
         response = Response(CURVES.index("multiplicative"), float(parameters["coupling"]), refractory)
     if response.coupling == 0:

@@ -129,4 +129,6 @@ def _moved(scenario: EmbodiedScenario, poses: FloatArray, distance_cm: float) ->
         moved[..., axis] = np.where(beyond, 2 * side - folded, folded)
         headings[..., axis] *= np.where(beyond, -1, 1)
     moved[..., 2] = np.arctan2(headings[..., 1], headings[..., 0])
+    is_absent = ~np.array(scenario.present)  # and far outside
+    moved[:, is_absent] = poses[:, is_absent]
     return moved

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_trial
+from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response
 from epuck_sim.theory.graph import count_components, measure_graphs
@@ -76,11 +77,18 @@ def test_robots_see_whom_the_observers_of_a_trial_see_and_radio_reaches_whoever_
     assert measure_graphs(take_snapshots(near, 20)).reciprocity.value == 1
 
 
+ABSENT = ", {count: 20, present: false}"
+
+
 def test_the_faster_swarms_move_the_more_links_change_and_the_fewest_where_they_stand() -> None:
     for name in ("particles", "thesis"):
         changed = changed_links(load_scenario(name), [0.0, 0.2, 1.0, 5.0], 20)
         assert changed[0] == 0
         assert (np.diff(changed) > 0).all()
+    wide = ["arena.width_cm=120", "arena.height_cm=120"]
+    swarms = (load_scenario("thesis", [*wide, f"robots=[{{count: 20}}{more}]"]) for more in ("", ABSENT))
+    there, and_others = (changed_links(swarm, [1.0], 20)[0] for swarm in swarms)
+    assert and_others == pytest.approx(there, rel=0.2)
 
 
 def simulated(settings: list[str], trials: int) -> tuple[float, float]:
@@ -194,7 +202,9 @@ def test_receivers_drawn_for_each_pulse_and_robots_by_a_radio_that_all_receive_h
     assert "reaches all" in found.reason
 
 
-def test_what_is_left_out_is_said() -> None:
+def test_what_is_left_out_is_said_and_robots_that_never_flash_are_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"robots\.1\.controller: is 'obstacle_avoidance'"):
+        predict(load_scenario("thesis", ["robots=[{count: 5}, {controller: obstacle_avoidance}]"]))
     schedule = [{"at_cycle": 5, "set": {"agents.speed_cm_s": 3}}]
     given = {"model": "particles", "schedule": schedule, "agents": {"count": 5}, "start": {"phases": "synchronised"}}
     notes = " ".join(predict(load_scenario(given)).notes)
