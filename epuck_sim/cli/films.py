@@ -355,12 +355,12 @@ def compare_film(
     rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
     fitted = compare.fitted_values(loaded, track, found)
     (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)
+    if fit is not None:
+        compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
     if plot is not None:
         from epuck_sim.figures.films import save_comparison_figure
 
         save_comparison_figure(plot, rows)
-    if fit is not None:
-        compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
 
 
 def print_doubts(doubts: Iterable[str]) -> None:

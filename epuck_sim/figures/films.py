@@ -25,6 +25,7 @@ COLUMNS = ("time_s", "periods", "count", "spread_ms")
 """Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""
 
 ACROSS = 4  # snapshots in a row of the figure
+ROUNDING = 1e-9  # largest difference of equal values, relative to them
 SHOWN_PERIODS = 1.3  # periods of the past that a snapshot of the histogram shows
 PANELS_ACROSS = 3  # panels in a row beside trials
 BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#5a0096", "#00e5ff"
@@ -198,7 +199,7 @@ def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
 def _draw_quantity(panel: Axes, row: QuantityComparison) -> None:
     values = row.trials[np.isfinite(row.trials)]
     spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
-    edges = 12 if spread > 0 else [values[0] - 0.5, values[0] + 0.5]
+    edges = 12 if spread > ROUNDING * abs(values).max() else [values[0] - 0.5, values[0] + 0.5]
     panel.hist(values, edges, color=TRIALS)
     notes = [f"{row.beyond} trials beyond the film's end"] * (row.beyond > 0)
     if math.isfinite(row.film):

@@ -180,7 +180,8 @@ class QuantityComparison(NamedTuple):
         known = self.trials[~np.isnan(self.trials)]
         if math.isnan(self.film) or not len(known):
             return math.nan
-        return float(100 * (np.mean(known < self.film) + np.mean(known == self.film) / 2))
+        is_same = np.isclose(known, self.film, rtol=1e-9, atol=0)
+        return float(100 * (np.mean((known < self.film) & ~is_same) + np.mean(is_same) / 2))
 
     def distances(self) -> FloatArray:
         """Return (1 + trials,) how far the film, and each trial, is from the others, in their standard deviations.
@@ -285,7 +286,7 @@ def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Tra
         flashes=linker.flashes,
         geometry=film.geometry._replace(floor_cm=(scenario.arena.width_cm, scenario.arena.height_cm)),
     )
-    robots = None if film.options.robots is None else is_lit.shape[1]
+    robots = None if film.options.robots is None else int(is_lit.any(axis=0).sum())
     options = film.options._replace(robots=robots, tag_numbers=None)
     track = analyse(f"trial {seed} of {scenario.name}", counted, options, ())
     if film.tags is not None:

@@ -215,10 +215,11 @@ def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
     """Return the description stored in a film: how to make it again, and what `track` can read from it."""
     flashing = [group for group in scenario.robots if "period_s" in group.parameters]
     periods = {group.parameters["period_s"] for group in flashing}
+    changes = any(entry.add or entry.remove for entry in scenario.schedule)
     return {
         **_origin(scenario, seed),
         "arena_cm": [scenario.arena.width_cm, scenario.arena.height_cm],
-        "robots": sum(group.count for group in flashing) or None,
+        "robots": None if changes else sum(group.count for group in flashing if group.present) or None,
         "period_s": periods.pop() if len(periods) == 1 else None,
         "overhead": scenario.overhead.model_dump(),
     }

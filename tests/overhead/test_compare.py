@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from epuck_sim import load_scenario
 from epuck_sim.cli.tables import print_comparison
 from epuck_sim.estimate import Estimate
+from epuck_sim.figures.films import draw_comparison
 from epuck_sim.overhead import compare
 from epuck_sim.overhead.compare import QUANTITIES, QuantityComparison, compare_film, fit_film, judge, track_trial
 from epuck_sim.overhead.flashes import Flash
@@ -32,6 +33,9 @@ def test_the_percentile_counts_trials_with_smaller_values_and_beyond_the_end_of_
     assert compared(3.0, [1, 2, 3, 4]).percentile == 62.5
     assert compared(3.0, [1, 2, math.nan, 4]).percentile == pytest.approx(200 / 3)
     assert compared(math.inf, [1, 2, math.inf, math.inf]).percentile == 75
+    rounded = compared(5 + 1e-15, [5.0, 5.0, 5 + 2e-15])
+    assert rounded.percentile == 50
+    draw_comparison([rounded])
     assert math.isnan(compared(math.nan, [1, 2]).percentile)
     assert math.isnan(compared(1.0, [math.nan]).percentile)
     print_comparison("film", "thesis", [compared(math.inf, [3.0, math.inf, math.inf])], {})

@@ -109,6 +109,7 @@ def test_film_says_how_many_flash_and_in_which_period() -> None:
         ([{"count": 3}, {"count": 4, "parameters": {"period_s": 2.0}}], 7, None),
         ([{"count": 3}, never], 3, 5.0),
         ([never], None, None),
+        ([{"count": 3}, {"count": 4, "present": False}], 3, 5.0),
     ]:
         description = filming.describe_film(load(robots=groups), SEED)
         assert (description["robots"], description["period_s"]) == (robots, period_s)
