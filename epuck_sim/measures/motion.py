@@ -11,19 +11,21 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.measures.common import ABOVE_0, Series, Share, Shipped, allowed, share, up_to
 
 
-class MeanSquaredDisplacement(Series):
-    """Mean squared distance, in cm^2, from the places at the first firing of the reference, at each cycle (series)."""
-
-    UNIT = "cm²"
-    _start: FloatArray | None = None
+class _AmongWalls(Shipped):
+    """What both measures of places between walls share."""
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
         """Raise ValueError for a space without walls."""
         if scenario.model == "particles" and scenario.space.boundary == "cyclic":
-            raise ValueError(
-                "mean_squared_displacement needs walls; in a cyclic space, distances begin anew at its edge"
-            )
+            raise ValueError("this measure needs walls; a cyclic space has none, and distances begin anew at its edge")
+
+
+class MeanSquaredDisplacement(_AmongWalls, Series):
+    """Mean squared distance, in cm^2, from the places at the first firing of the reference, at each cycle (series)."""
+
+    UNIT = "cm²"
+    _start: FloatArray | None = None
 
     def cycle(self, event: Any, _: Any) -> None:
         positions = self.positions(event)
@@ -33,7 +35,7 @@ class MeanSquaredDisplacement(Series):
 
 
 @dataclass
-class NearWalls(Share):
+class NearWalls(_AmongWalls, Share):
     """Mean share of robots or agents whose centres are at most `within_cm` from an outer wall, over the cycles."""
 
     within_cm: float = 5.0
@@ -96,9 +98,12 @@ class VelocityCorrelationTime(_Moves):
     def __post_init__(self) -> None:
         self._last: FloatArray = np.zeros((0, 0))  # (lags, n d) velocities, of which products are still to come
         self._sums, self._terms = np.zeros((2, self.lags + 1))
+        self._first_s = self._last_s = 0.0
 
-    def cycle(self, _: Any, __: Any) -> None:
+    def cycle(self, _: Any, state: Any) -> None:
         if not self.has_bodies:
+            self._last_s = state.time_s
+            self._first_s = self._first_s if self._terms[0] else state.time_s
             self.take((self.simulation.headings() * self.simulation.speeds_cm_s[:, None])[None])
 
     def take(self, moves: FloatArray) -> None:
@@ -118,7 +123,8 @@ class VelocityCorrelationTime(_Moves):
     def value(self) -> float | None:
         """Return the time; None if nobody moves, or if the correlation does not fall so far within the lags."""
         known = self._terms > 0
-        interval_s = self.simulation.step_s if self.has_bodies else self.simulation.scenario.clocks.period_s
+        cycle_s = (self._last_s - self._first_s) / max(self._terms[0] - 1, 1)  # which pulses shorten
+        interval_s = self.simulation.step_s if self.has_bodies else float(cycle_s)
         return correlation_time(self._sums[known] / self._terms[known], interval_s)
 
 

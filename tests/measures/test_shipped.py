@@ -208,18 +208,21 @@ def test_velocities_are_correlated_until_they_turn():
 
 @models
 def test_the_correlation_time_is_that_of_all_velocities(sections):
-    seen = []
     if sections is AGENTS:
-        observer, seen = at_cycles(lambda _, simulation: simulation.headings() * simulation.speeds_cm_s[:, None])
-        lags, interval = 8, 1.0
+        observer, seen = at_cycles(lambda event, its: (event.time_s, its.headings() * its.speeds_cm_s[:, None]))
     else:
-        lags, interval = 80, 0.1
+        seen = []
 
         def observer(step, *_):
             seen.append(step.poses[:, :2].copy())
 
+    lags = 8 if sections is AGENTS else 80
     _, value = run({"velocity_correlation_time": {"lags": lags}}, observer, **sections)
-    velocities = np.array(seen) if sections is AGENTS else np.diff(np.array(seen), axis=0)
+    if sections is AGENTS:
+        times_s, velocities = map(np.array, zip(*seen, strict=True))
+        interval = np.diff(times_s).mean()  # below a period: pulses shorten cycles
+    else:
+        velocities, interval = np.diff(np.array(seen), axis=0), 0.1
     correlation = [
         np.mean([(velocities[time] * velocities[time - lag]).sum() for time in range(lag, len(velocities))])
         for lag in range(lags + 1)
