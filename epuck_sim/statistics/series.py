@@ -67,9 +67,16 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
     """Return the statistics of the series at each point that has any, over the cycles; raise StoreError without any."""
     if not any(has_series(point) for point in points):
         raise StoreError(f"{points[0].of or 'T_sync'} is no series, but one value for each trial")
-    arrays = [[np.array(each, float) for each in point.measured if isinstance(each, list)] for point in points]
-    found = zip(points, arrays, strict=True)
-    return [PointSeries(point.axes, series_statistics(series)) for point, series in found if any(map(len, series))]
+    lists = [
+        [each if isinstance(each, list) else [each] for each in point.measured if each is not None] for point in points
+    ]
+    found = [
+        (point.axes, [np.array(each, float) for each in series]) for point, series in zip(points, lists, strict=True)
+    ]
+    known = [PointSeries(axes, series_statistics(series)) for axes, series in found if any(map(len, series))]
+    if not known:
+        raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
+    return known
 
 
 def has_series(point: PointTrials) -> bool:

@@ -156,8 +156,9 @@ def mean_and_error(measured: Measured) -> MeanError:
     # few uncensored trials carry all that is known of the spread
     freedom = min(trials - 1, int(np.count_nonzero(measured.observed)))
     if measured.observed.all():
-        spread = float(values.std(ddof=1)) if trials > 1 else 0.0
-        return MeanError(float(values.mean()), spread / math.sqrt(trials), freedom)
+        if values.min() == values.max():  # whose mean would be off by rounding, and not without an error
+            return MeanError(float(values[0]), 0.0, freedom)
+        return MeanError(float(values.mean()), float(values.std(ddof=1)) / math.sqrt(trials), freedom)
     curve = make_curve(values, measured.observed)
     error = math.sqrt(_variance(curve, measured.horizon) * trials / max(trials - 1, 1))
     return MeanError(float(restricted_means(curve, measured.horizon)[0]), error, freedom)
@@ -257,7 +258,7 @@ class Summaries(list[PointSummary]):
         return {name: heading for name, heading in names.items() if name != "mean" or not all_censored}
 
     def _notes(self) -> list[str]:
-        notes = [] if any(point.trials for point in self) else ["No trial has a result yet."]
+        notes = [] if any(point.trials for point in self) else ["No trial has a value yet."]
         if any(point.censored for point in self):
             notes.append(
                 "Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit "

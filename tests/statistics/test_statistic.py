@@ -21,6 +21,7 @@ from epuck_sim.statistics.statistic import (
     estimate_mean,
     estimate_median,
     estimate_share,
+    resample,
     resample_means,
     share_difference,
     wilson_interval,
@@ -47,6 +48,7 @@ def test_uncensored_the_mean_is_the_samples_and_the_interval_students_of_its_log
     assert mean == pytest.approx(np.mean(values))
     reach = stats.t.ppf(0.975, len(values) - 1) * stats.sem(values) / mean
     assert np.log([low / mean, high / mean]) == pytest.approx([-reach, reach])
+    assert not estimate_mean(measured([0.1] * len(values))).has_interval  # whose standard deviation rounds to 1e-17
 
 
 @given(values_of_trials, st.floats(-1e6, 0))
@@ -54,6 +56,12 @@ def test_where_values_are_not_positive_the_interval_is_students_own(values, shif
     shifted = np.array(values) + shift - min(values)
     expected = stats.t.interval(0.95, len(values) - 1, shifted.mean(), stats.sem(shifted))
     assert estimate_mean(measured(shifted)).ends[1:] == pytest.approx(expected)
+
+
+def test_medians_of_resamples_follow_values_that_are_not_positive() -> None:
+    values = np.array([3.0, 5, 8, 13, 21])
+    above, below = (resample(measured(each), Statistic.MEDIAN) for each in (values, values - 30))
+    assert (below == above - 30).all()
 
 
 @given(values_of_trials, st.integers(0, 29))
@@ -166,7 +174,7 @@ def test_the_order_of_the_trials_makes_no_difference_to_the_bit(series, random):
 
 def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp_path):
     scenario = sweep({SPEED: [1, 2, 3]}, measures=["order_parameter"])
-    law = {1: [[0.5, 0.75], [0.25]], 2: [], 3: [[1.0], None]}
+    law = {1: [[0.5, 0.75], 0.25], 2: [], 3: [[1.0], None]}
     folder = made_folders.store_measured(tmp_path / "run", scenario, lambda point: law[point.axes[SPEED]])
     found = summarize_series(read_points(folder, "order_parameter"))
     assert [point.axes for point in found] == [{SPEED: 1}, {SPEED: 3}]
@@ -178,6 +186,9 @@ def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp
         summarize_series(read_points(folder, "near_walls"))
     with pytest.raises(StoreError, match="T_sync is no series"):
         summarize_series(read_points(folder))
+    folder = made_folders.store_measured(tmp_path / "short", scenario, lambda _: [[], []])
+    with pytest.raises(StoreError, match="no trial reaches a firing"):
+        summarize_series(read_points(folder, "near_walls"))
 
 
 # how the trials of the five points end: all, most, few, none synchronised; no trial
