@@ -163,6 +163,9 @@ def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -
     for number, fault in enumerate(faults):
         where = f"faults.{number}"
         check_range(f"{where}.count", fault.count, 1, robot_count)
+        check_range(
+            f"{where}.share", fault.share, 0.5 / robot_count, 1, f": a smaller one of {robot_count} robots is none"
+        )
         if isinstance(fault, SensorDead) and not any(fault.sensor in group.sensors for group in groups):
             own = comma_list(dict.fromkeys(name for group in groups for name in group.sensors))
             raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")

@@ -239,9 +239,6 @@ class EmbodiedScenario(Scenario):
                 f"robot {stop.reference_robot} is no oscillator, so that trials have no T_sync; they end after {ends}; "
                 "for another limit: --set stop.max_time_s=3600"
             )
-        for number, fault in enumerate(self.faults):
-            if fault.share is not None and fault.share * self.robot_count < 0.5:  # which rounds to 0
-                found.append(f"faults.{number}.share is {fault.share:g}: of {self.robot_count} robots, none has it")
         moved = {robot for entry in self.schedule for robot in entry.remove}
         for number, entry in enumerate(self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:

@@ -89,10 +89,9 @@ def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_
 
 
 def test_what_never_happens_in_a_trial_is_noted() -> None:
-    dead, late = {"kind": "ring_dead"}, [{"kind": "ring_dead", "at_s": 9}]
+    late = [{"kind": "ring_dead", "at_s": 9}]
     add, remove = {"at_s": 5, "add": [1]}, {"at_s": 2, "remove": [1]}
     for given, said in (
-        ({"faults": [{**dead, "share": 0.04}, {**dead, "share": 0.05}]}, "faults.0.share is 0.04: of 10 robots, none"),
         ({"faults": late, "stop": {"max_time_s": 9}}, "faults.0 never begins: trials are over then"),
         ({"schedule": [{"at_cycle": 5, "remove": [1]}], "stop": {"max_cycles": 5}}, "schedule.0 never begins: "),
         ({"schedule": [add]}, "schedule.0.add: 1 are in the arena all the time"),

@@ -156,7 +156,7 @@ def test_on_a_narrow_terminal_lines_end_between_words(capsys, monkeypatch) -> No
         assert " ".join(lines[-3:]).split()[-len(words) :] == words
 
 
-WHAT_TO_DO = "; go on, or take another limit in a new folder: --set stop.max_cycles=N"
+WHAT_TO_DO = "; go on, or take another limit in a new folder: --set stop.max_cycles=N, or stop.max_time_s=S"
 
 
 def test_points_whose_trials_all_reach_their_limit_are_named_the_first_of_many(capsys) -> None:
