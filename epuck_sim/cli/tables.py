@@ -138,7 +138,7 @@ def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:
     if len(points) > MOST_LISTED:
         lines.append(f"so it is at {counted(len(points) - MOST_LISTED, 'further point')}")
     if lines:
-        lines[-1] += "; go on, or take another limit in a new folder: --set stop.max_cycles=N"
+        lines[-1] += "; go on, or take another limit in a new folder: --set stop.max_cycles=N, or stop.max_time_s=S"
     return lines
 
 

@@ -97,7 +97,8 @@ def load_firmware(path: Path) -> Firmware:
         raise ControllerError(f"{path}: PARAMETERS or MEMORY: {error}") from error
     for record, named in ((parameters, fields["parameter"]), (memory, fields["memory"])):
         offsets = {name: each[1] for name, each in (record.fields or {}).items()}
-        assert all(offsets[name] == field.offset for name, field in named.items())
+        if any(offsets[name] != field.offset for name, field in named.items()):
+            raise ControllerError(f"{path}: PARAMETERS or MEMORY: an array has no numbers; give it 1 or more")
     library.e_check.restype = ctypes.c_char_p
     check = _check_of(library, parameters)
     return Firmware(path.stem, str(path), path, defaults, check, sources, {}, memory, _in_c, _in_c, (), library)

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import ScenarioError
+from epuck_sim.order_parameter import order_parameter
 from epuck_sim.user_files import Kind, load_python_file
 
 NEAR_CM = 15.0
@@ -63,8 +64,7 @@ def order_of(phase: FloatArray) -> FloatArray:
     has_phase = ~np.isnan(phase.reshape(-1, phase.shape[-1])[0])
     if not has_phase.any():
         return np.full(phase.shape[:-1], np.nan)
-    r: FloatArray = np.abs(np.exp(2j * np.pi * phase[..., has_phase]).mean(axis=-1))
-    return r
+    return order_parameter(phase[..., has_phase], 1.0)
 
 
 def aggregation(situation: Situation) -> FloatArray:

@@ -87,7 +87,7 @@ def _measure(values: list[Value], is_text: bool) -> Any:
             return pa.array([None if value is None else json.dumps(value) for value in values], pa.string())
     try:
         found = pa.array(values)
-    except pa.ArrowInvalid:  # truth values beside numbers, or numbers that no float is equal to
+    except (pa.ArrowInvalid, pa.ArrowTypeError):  # truth values beside numbers, or numbers that no float is equal to
         found = pa.array([_as_floats(value) for value in values])
     floats = {pa.null(): pa.float64(), pa.list_(pa.null()): pa.list_(pa.float64())}
     return found.cast(floats.get(found.type, found.type))
