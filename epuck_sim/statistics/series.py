@@ -67,16 +67,16 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
     """Return the statistics of the series at each point that has any, over the cycles; raise StoreError without any."""
     if not any(has_series(point) for point in points):
         raise StoreError(f"{points[0].of or 'T_sync'} is no series, but one value for each trial")
-    lists = [
-        [each if isinstance(each, list) else [each] for each in point.measured if each is not None] for point in points
-    ]
-    found = [
-        (point.axes, [np.array(each, float) for each in series]) for point, series in zip(points, lists, strict=True)
-    ]
+    found = [(point.axes, _series_of(point)) for point in points]
     known = [PointSeries(axes, series_statistics(series)) for axes, series in found if any(map(len, series))]
     if not known:
         raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
     return known
+
+
+def _series_of(point: PointTrials) -> list[FloatArray]:
+    known = [value for value in point.measured if value is not None]
+    return [np.array(value if isinstance(value, list) else [value], float) for value in known]  # a number is one of one
 
 
 def has_series(point: PointTrials) -> bool:
