@@ -101,6 +101,14 @@ def allowed(**rules: Rule) -> Callable[[SimpleNamespace], None]:
     return check
 
 
+def check_sight(scenario: Any, _: Any = None) -> None:
+    """Raise ValueError for robots that hear flashes by radio: who hears whom is not looked at from outside."""
+    groups = scenario.robots if scenario.model == "embodied" else ()
+    for number, group in enumerate(groups):
+        if group.signal.kind == "radio":
+            raise ValueError(f"robots.{number}.signal.kind is 'radio'; it measures who sees whom, which radio does not")
+
+
 def rows_of_steps(found: IntArray, stretch: Any) -> IntArray:
     """Return (steps + 1,) rows at which each step of a stretch begins in what was found in it, and the end of all."""
     return np.searchsorted(found[:, 0], np.arange(len(stretch.poses) + 1))

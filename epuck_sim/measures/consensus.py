@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray
-from epuck_sim.measures.common import Series, allowed, one_of, rows_of_steps
+from epuck_sim.measures.common import Series, allowed, check_sight, one_of, rows_of_steps
 from epuck_sim.particles.simulation import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
@@ -41,7 +41,10 @@ class _Talk(Series):
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
-        """Raise ValueError for swarms of agents so large that only pulses which shift a phase are found."""
+        """Raise ValueError where it is not known who receives a pulse, or of large swarms if it shifts no phase."""
+        check_sight(scenario)
+        if scenario.model == "particles" and scenario.neighbourhood.kind == "random":
+            raise ValueError("neighbourhood.kind is 'random'; allowed with words: any other, as nobody is shown whom")
         if scenario.model == "particles" and scenario.population >= SHIFTS_ONLY:
             raise ValueError(f"agents.count is {scenario.population}; allowed with words: below {SHIFTS_ONLY}")
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, IntArray
-from epuck_sim.measures.common import Share, Shipped, rows_of_steps, share
+from epuck_sim.measures.common import Share, Shipped, check_sight, rows_of_steps, share
 
 
 class FlashesSeen(Share):
@@ -27,6 +27,7 @@ class _FlashViews(Shipped):
     """What both measures below share: in how many steps of each flash each other robot has it in view."""
 
     MODELS = ("embodied",)
+    check_scenario = staticmethod(check_sight)
     _is_lit = False  # any ring, now or in the step before
     _pairs, _seen, _repeated = 0, 0, 0
 

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.measures.common import Series, Share, Shipped, allowed, one_of
+from epuck_sim.measures.common import Series, Share, Shipped, allowed, check_sight, one_of
 
 
 class Links(Shipped):
     """What all measures of links share: the links of each cycle."""
 
     MODELS = ("embodied", "particles")
+    check_scenario = staticmethod(check_sight)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.measures.common import ABOVE_0, Shipped, allowed, rows_of_steps, share
+from epuck_sim.measures.common import ABOVE_0, Shipped, allowed, check_sight, rows_of_steps, share
 from epuck_sim.util.jit import jit
 
 HALF_A_MILLISECOND = 0.0005
@@ -26,7 +26,7 @@ class _Suspicion(Shipped):
     """What both measures share: who suspects whom, and who does not flash."""
 
     cycles: float = 2.0
-    check = staticmethod(allowed(cycles=ABOVE_0))
+    check, check_scenario = staticmethod(allowed(cycles=ABOVE_0)), staticmethod(check_sight)
     MODELS = ("embodied",)
     _events = 0
 

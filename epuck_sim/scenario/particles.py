@@ -219,6 +219,8 @@ class AgentsSection(ConfigModel):
     def _check_speeds(self) -> "AgentsSection":
         _check_needs(self, "speed_distribution", "speed_spread", "fast_share", "fast_ratio")
         check_range("speed_spread", self.speed_spread, 0, 2 if self.speed_distribution == "lognormal" else 1)
+        if self.speed_per_run:  # from a table of a thousand speeds
+            check_range("fast_share", self.fast_share, 0.001, 0.999, ", where speed_per_run is true")
         if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
             raise ValueError(
                 f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
