@@ -96,6 +96,17 @@ def mean_contrast(contrasts: Sequence[Contrast]) -> Estimate:
     return student_estimate(sum(each.estimate.value for each in known) / count, *welch(parts))
 
 
+def mean_share_difference(differences: Sequence[Estimate]) -> Estimate:
+    """Return the mean of the differences of shares that have intervals, which it joins as Zou and Donner (2008) do."""
+    known = [each for each in differences if each.has_interval]
+    if not known:
+        return UNDETERMINED
+    value = sum(each.value for each in known) / len(known)
+    below = math.hypot(*(each.value - each.low for each in known)) / len(known)
+    above = math.hypot(*(each.high - each.value for each in known)) / len(known)
+    return Estimate(value, value - below, value + above)
+
+
 def welch(parts: Parts) -> tuple[float, float]:
     """Return the standard error of a sum of terms, given with their freedom, and its own freedom (Welch 1947)."""
     variance = sum(part for part, _ in parts)
@@ -322,7 +333,11 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
     else:
         p_values, p_value = _permutation_test(good, of_logarithms=is_ratio)
     contrasts = [contrast(pair, of_logarithms=is_ratio) for pair in good]
-    mean, tested = mean_contrast(contrasts), iter(zip(p_values, contrasts, strict=True))
+    tested = iter(zip(p_values, contrasts, strict=True))
+    mean, estimates = mean_contrast(contrasts), [each.estimate for each in contrasts]
+    if all(pair.is_share for pair in good):
+        estimates = [share_difference(*pair) for pair in good]
+        mean = mean_share_difference(estimates)
     return Comparison(
         a=samples.names[a],
         b=samples.names[b],
@@ -332,7 +347,7 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
         ],
         compared=len(good),
         left_out=sum((first is None) != (second is None) for _, first, second in sides),
-        averaged=sum(each.estimate.has_interval for each in contrasts),
+        averaged=sum(each.has_interval for each in estimates),
         tested="ratio" if is_ratio else "difference",
         ratio=mean.apply(math.exp) if is_ratio else UNDETERMINED,
         difference=UNDETERMINED if is_ratio else mean,
@@ -438,7 +453,8 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
             [headings[each.tested] for each in compared],
         )
     )
-    yield f"Compared: {statistics}. p: {tests}, of {tested}, as its interval is; Holm: corrected for their number."
+    interval = "whose interval is Newcombe's" if statistics == "share" else "as its interval is"
+    yield f"Compared: {statistics}. p: {tests}, of {tested}, {interval}; Holm: corrected for their number."
     few = len(points) - sum(each.compared for each in compared)
     if few:
         none = "with a value" if compared[0].of else "that synchronised"

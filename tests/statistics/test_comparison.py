@@ -11,6 +11,7 @@ from lifelines.statistics import logrank_test
 from scipy import stats
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import comparison
 from epuck_sim.statistics import measured as measuring
 from epuck_sim.statistics.comparison import compare, comparison_tables, contrast, match_points, match_values, pair_up
@@ -202,6 +203,21 @@ def test_the_interval_is_of_what_is_tested() -> None:
         assert getattr(found, tested).has_interval
         assert math.isnan(getattr(found, other).value)
         assert [getattr(found.points[0], name).has_interval for name in (tested, other)] == [True, False]
+
+
+def test_the_mean_of_differences_of_shares_has_every_point_and_of_one_is_that_ones() -> None:
+    def shares(*true: int) -> list[PointTrials]:
+        made = in_memory(sweep({SPEED: [1, 2][: len(true)]}, trials=5), lambda _: ended([1] * 5))
+        return [
+            point._replace(of="x", measured=(True,) * count + (False,) * (5 - count))
+            for point, count in zip(made, true, strict=True)
+        ]
+
+    both = compared(shares(4, 3), shares(0, 1))
+    assert (both.difference.value, both.averaged) == (pytest.approx(-0.6), 2)
+    assert both.difference.low > -1
+    alone = compared(shares(4), shares(0))
+    assert alone.difference == alone.points[0].difference
 
 
 def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() -> None:
