@@ -16,7 +16,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.display.table import csv_cell
 from epuck_sim.figures.saving import Table, parse_target, save_figure
 from epuck_sim.figures.style import add_shared_legend, make_logarithmic
-from epuck_sim.overhead.compare import QuantityComparison
+from epuck_sim.overhead.compare import ROUNDING, QuantityComparison
 from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
 from epuck_sim.overhead.track import Snapshot, Track
 from epuck_sim.util.messages import counted
@@ -25,7 +25,6 @@ COLUMNS = ("time_s", "periods", "count", "spread_ms")
 """Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""
 
 ACROSS = 4  # snapshots in a row of the figure
-ROUNDING = 1e-9  # largest difference of equal values, relative to them
 SHOWN_PERIODS = 1.3  # periods of the past that a snapshot of the histogram shows
 PANELS_ACROSS = 3  # panels in a row beside trials
 BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#5a0096", "#00e5ff"

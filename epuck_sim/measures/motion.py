@@ -11,20 +11,17 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.measures.common import ABOVE_0, Series, Share, Shipped, allowed, share, up_to
 
 
-class _AmongWalls(Shipped):
-    """What both measures of places between walls share."""
-
-    @staticmethod
-    def check_scenario(scenario: Any, _: Any) -> None:
-        """Raise ValueError for a space without walls."""
-        if scenario.model == "particles" and scenario.space.boundary == "cyclic":
-            raise ValueError("this measure needs walls; a cyclic space has none, and distances begin anew at its edge")
+def check_walls(scenario: Any, _: Any) -> None:
+    """Raise ValueError for a space without walls."""
+    if scenario.model == "particles" and scenario.space.boundary == "cyclic":
+        raise ValueError("this measure needs walls; a cyclic space has none, and distances begin anew at its edge")
 
 
-class MeanSquaredDisplacement(_AmongWalls, Series):
+class MeanSquaredDisplacement(Series):
     """Mean squared distance, in cm^2, from the places at the first firing of the reference, at each cycle (series)."""
 
     UNIT = "cm²"
+    check_scenario = staticmethod(check_walls)
     _start: FloatArray | None = None
 
     def cycle(self, event: Any, _: Any) -> None:
@@ -35,11 +32,11 @@ class MeanSquaredDisplacement(_AmongWalls, Series):
 
 
 @dataclass
-class NearWalls(_AmongWalls, Share):
+class NearWalls(Share):
     """Mean share of robots or agents whose centres are at most `within_cm` from an outer wall, over the cycles."""
 
     within_cm: float = 5.0
-    check = staticmethod(allowed(within_cm=ABOVE_0))
+    check, check_scenario = staticmethod(allowed(within_cm=ABOVE_0)), staticmethod(check_walls)
 
     def cycle(self, event: Any, _: Any) -> None:
         positions = self.positions(event)

@@ -27,6 +27,7 @@ from epuck_sim.scenario.loader import with_values, write_scenario
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.seeds import trial_seed
 
+ROUNDING = 1e-9  # largest difference of equal quantities, relative to them
 NEAR_MODE = 0.15  # relative distance of a speed from the commonest one within which a robot drove straight ahead
 NEAR_CYCLE_FRAMES = 1.5
 """Number of frames by which a cycle may differ from the commonest long one and still be the robot's own period: a
@@ -180,7 +181,7 @@ class QuantityComparison(NamedTuple):
         known = self.trials[~np.isnan(self.trials)]
         if math.isnan(self.film) or not len(known):
             return math.nan
-        is_same = np.isclose(known, self.film, rtol=1e-9, atol=0)
+        is_same = np.isclose(known, self.film, rtol=ROUNDING, atol=0)
         return float(100 * (np.mean((known < self.film) & ~is_same) + np.mean(is_same) / 2))
 
     def distances(self) -> FloatArray:

@@ -224,14 +224,12 @@ def superiority(first: Measured, second: Measured) -> Effect:
     within = [stats.rankdata(each.values) for each in (first, second)]
     parts = [size * float((mine - among).var(ddof=1)) for size, mine, among in zip(sizes, own, within, strict=True)]
     spread = sum(part**2 / (size - 1) for part, size in zip(parts, sizes, strict=True))
-    if value in (0, 1):  # so is it of each pair of trials, one of either sample, and of so many pairs at once
-        pairs, end = min(sizes), ((1 - LEVEL) / 2) ** (1 / min(sizes))
-        apart = Estimate(value, end, 1.0) if value else Estimate(value, 0.0, 1 - end)
-        return Effect(
-            apart,
-            lambda threshold: threshold**pairs if value else 1.0,
-            lambda threshold: 1.0 if value else (1 - threshold) ** pairs,
-        )
+    pairs = min(sizes)  # of trials, one of either sample, which are all alike where the samples are apart
+    end = ((1 - LEVEL) / 2) ** (1 / pairs)
+    if value == 1:
+        return Effect(Estimate(1.0, end, 1.0), lambda threshold: threshold**pairs, lambda _: 1.0)
+    if value == 0:
+        return Effect(Estimate(0.0, 0.0, 1 - end), lambda _: 1.0, lambda threshold: (1 - threshold) ** pairs)
     error = math.sqrt(sum(parts)) / (sizes[0] * sizes[1])
     return student(value, error, sum(parts) ** 2 / spread if spread else 0)
 

@@ -21,6 +21,7 @@ from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes
 from epuck_sim.statistics.measured import Measured, measure, measure_t_sync, restrict
 from epuck_sim.statistics.sequential import looks_p_value
+from epuck_sim.statistics.series import has_series
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SMALLEST, LARGEST = 1e-12, 1e-3
@@ -181,13 +182,13 @@ def reduction(check: Check) -> str | None:
 def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
     """Return points with what a check takes of their measured values; None for a series without a value."""
     name = reduction(check)
-    is_series = any(isinstance(value, list) for point in points for value in point.measured)
-    if name is None and is_series:
-        raise EpuckSimError(f"{check.of} is a series, with a value for each cycle; give take, such as take: final")
+    is_series = any(map(has_series, points))
+    if name is None:
+        if is_series:
+            raise EpuckSimError(f"{check.of} is a series, with a value for each cycle; give take, such as take: final")
+        return list(points)
     if check.take and not is_series and any(value is not None for point in points for value in point.measured):
         raise EpuckSimError(f"take is {check.take!r}, and {check.of} is no series; leave it out")
-    if name is None:
-        return list(points)
 
     def reduced(series: Value) -> float | None:
         known = [each for each in series if each is not None] if isinstance(series, list) else []
