@@ -6,6 +6,7 @@ import re
 import sys
 import webbrowser
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -172,11 +173,12 @@ def _write_new(kind: str, name: str) -> None:
     file = f"{name}{new.ending}"
     from epuck_sim.control.interface import Sensors
 
-    taken = kind == "sensor" and (name in Sensors._fields or name in sys.stdlib_module_names)
+    is_module = kind != "scenario" and (name in sys.stdlib_module_names or find_spec(name) is not None)
     reject_first(
         (not is_name, f"{name!r} is no name for a {kind}; allowed: {letters}, such as {new.example}"),
-        (taken, f"{name!r} is taken, by what robots sense anyway or by Python; give another name"),
+        (kind == "sensor" and name in Sensors._fields, f"{name!r} is sensed by all robots; give another name"),
         (Path(file).exists(), f"{file}: exists already; give another name"),
+        (is_module, f"{name} is the name of a module that Python has already; give another name"),
     )
     template = (builtin_folder(TEMPLATES) / f"{kind}{new.ending}").read_text(encoding="utf-8")
     with atomic_write(Path(file)) as part:

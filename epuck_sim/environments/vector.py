@@ -200,15 +200,22 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self._begin(np.flatnonzero(resting).tolist())
         situation = self.look()
         rewards = _for_each_robot("reward", self._reward(situation), situation)[:, self.spaces.chosen]
-        terminated = np.zeros(self.swarms, np.bool_)
-        if self._terminate is not None:
-            terminated[:] = self._terminate(situation)
-        terminated &= ~resting
+        terminated = self._ends(situation) & ~resting
         truncated = (self._numbers >= self._last_step) & ~resting
         self._is_over = terminated | truncated
         flags = np.repeat(terminated, self.agents), np.repeat(truncated, self.agents)
         rewards = np.where(resting[:, None], 0.0, rewards)
         return self._observe(situation), rewards.ravel(), *flags, self._infos(situation)
+
+    def _ends(self, situation: Situation) -> BoolArray:
+        """Return (swarms,) whether the user's condition ends the episode of each."""
+        if self._terminate is None:
+            return np.zeros(self.swarms, np.bool_)
+        given = np.asarray(self._terminate(situation))
+        if given.dtype != np.bool_ or given.shape not in ((), (self.swarms,)):
+            shape = f"values of the type {given.dtype} and the shape {given.shape}"
+            raise ValueError(f"terminate returned {shape}; allowed: truth values, ({self.swarms},), one for each swarm")
+        return np.broadcast_to(given, self.swarms)
 
     def _advance(self, swarms: Sequence[int]) -> None:
         """Have the robots of these swarms act, and take the steps for which actions hold."""
@@ -316,11 +323,14 @@ def _commanded(simulation: Simulation) -> Simulation:
 
 def _for_each_robot(name: str, values: npt.ArrayLike, situation: Situation) -> FloatArray:
     """Return (swarms, robots) values that were given for each robot, or for each swarm."""
-    given = np.asarray(values, float)
+    given = np.asarray(values)
     shape = situation.ring_on.shape
-    if given.shape not in (shape, shape[:1]) or np.isnan(given).any():
+    are_numbers = given.dtype.kind in "biuf"
+    if not are_numbers or given.shape not in (shape, shape[:1]) or np.isnan(given).any():
+        wrong = f"the shape {given.shape}" if are_numbers else f"values of the type {given.dtype}"
         raise ValueError(
-            f"{name} returned {'NaN' if np.isnan(given).any() else f'the shape {given.shape}'}; allowed: numbers of "
+            f"{name} returned {'NaN' if are_numbers and np.isnan(given).any() else wrong}; allowed: numbers of "
             f"the shape {shape[:1]}, one for each swarm, or {shape}, one for each robot"
         )
+    given = given.astype(float)
     return given if given.shape == shape else np.repeat(given, shape[1]).reshape(shape)

@@ -65,6 +65,8 @@ class Looks:
             )
         if self._key is None:
             return
+        if "=" in self._key:
+            raise EpuckSimError(f"--contrast is {self._key}; allowed: a key alone, which --sweep gives values")
         rows = [point.axes for point in points]
         self._key = axis_key(self._key, rows, "--contrast")
         if self._key not in rows[0] or min(map(len, self._groups(points))) == 1:

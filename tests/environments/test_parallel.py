@@ -181,10 +181,16 @@ def test_rewards_are_given_to_each_agent_or_to_all_and_those_that_are_no_number_
     _, rewards, *_ = env.step({agent: np.zeros(3) for agent in env.agents})
     assert list(rewards.values()) == given[0].poses[0, 2:, 0].tolist()
     assert env.state()[:, 0].tolist() == given[0].poses[0, :, 0].tolist()
-    for returned, said in (([np.nan], "NaN"), (np.ones(3), r"the shape \(3,\)")):
-        env = parallel_env(SWARM, reward=lambda _, returned=returned: np.array(returned))
+    for name, returned, said in (
+        ("reward", [np.nan], "NaN"),
+        ("reward", np.ones(3), r"the shape \(3,\)"),
+        ("reward", ["one"], "values of the type <U3"),
+        ("terminate", [np.nan], "values of the type float64"),
+        ("terminate", [True, False], r"values of the type bool and the shape \(2,\)"),
+    ):
+        env = parallel_env(SWARM, **{name: lambda _, returned=returned: np.array(returned)})
         env.reset()
-        with pytest.raises((ValueError, ScenarioError), match=f"reward returned {said}; allowed"):
+        with pytest.raises(ValueError, match=f"{name} returned {said}.*; allowed"):
             env.step({agent: np.zeros(3) for agent in env.agents})
 
 
