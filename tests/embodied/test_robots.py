@@ -197,6 +197,9 @@ def test_a_turn_on_the_spot_comes_before_the_arc_rings_are_lit_at_once_and_what_
     expected = arc((500, 500, 1.5), 3, 4)
     np.testing.assert_allclose(world.poses + world.velocities * 0.1, [expected], rtol=0, atol=1e-9)
     assert (world.swarm.robots.ring_on, world.swarm.robots.ring_command) == (True, True)
+    world.swarm.robots.wheel_gain = 0  # it is stuck
+    command(world, [(3, 4)], turn_rad=0.5)
+    assert not world.velocities.any()
     for part in ("left_cm_s", "right_cm_s", "turn_rad"):
         world = world_of(np.zeros((4, 3)))
         world.swarm.robots.actuators[part][2:] = np.nan

@@ -28,6 +28,8 @@ def apply_commands(swarm: Swarm) -> int:
         robot.ring_on = robot.ring_command
         # a noise of 0 makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki); turns come first
         noise, gain = robot.wheel_noise, robot.wheel_gain
+        if gain[0] == gain[1] == 0.0:  # it is stuck
+            turn = 0.0
         left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]
         right = robot.right_cm_s * (1.0 + slip * (2.0 * noise[1] - 1.0)) * gain[1]
         spin = (right - left) / robot.wheel_base_cm
