@@ -41,6 +41,12 @@ def reference_order_parameter(phases: FloatArray, periods: FloatArray | float) -
     return eta
 
 
+def from_reference(phases: FloatArray, periods: FloatArray, reference: int) -> FloatArray:
+    """Return (..., n) phases relative to that of the reference: at its firing that is 0, or Delta of Algorithm 2."""
+    own = phases[..., reference, None] / periods[reference]
+    return phases - own * periods
+
+
 def _mean_direction(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
     """Return (2, ...) the mean sine and the mean cosine of the oscillators' angles."""
     angles = np.asarray(2 * math.pi * phases / periods, np.float64)

@@ -17,7 +17,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import Step, field_values
 from epuck_sim.errors import RecordingError
-from epuck_sim.order_parameter import METRICS
+from epuck_sim.order_parameter import METRICS, from_reference
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_entries, largest_cm
@@ -267,12 +267,14 @@ class AgentBuffer:
     def flush(self) -> RowBatch:
         """Return the rows, of which there must be one at least, and remove them."""
         time_ns, poses, phase_ms, ring_on = map(np.concatenate, zip(*self._rows, strict=True))
+        periods_ms, is_relative = np.full(phase_ms.shape[1], 1000 * self._period_s), self._stop.metric == "reference"
+        relative = from_reference(phase_ms, periods_ms, self._stop.reference) if is_relative else phase_ms
         batch = RowBatch(
             time_ns=time_ns,
             poses=poses,
             phase_ms=phase_ms,
             ring_on=ring_on,
-            order_parameter=METRICS[self._stop.metric](phase_ms, 1000 * self._period_s),
+            order_parameter=METRICS[self._stop.metric](relative, periods_ms),
             flashes=np.concatenate(self._flash_rows),
             links=np.concatenate(self._links),
             **_firing_columns(self._firings),

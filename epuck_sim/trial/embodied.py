@@ -15,7 +15,7 @@ from epuck_sim.embodied.history import MOST_STEPS
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.order_parameter import METRICS, Firing
+from epuck_sim.order_parameter import METRICS, Firing, from_reference, reference_order_parameter
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.loader import robots_like
 from epuck_sim.scenario.particles import ParticleScenario
@@ -47,6 +47,7 @@ class SynchronyWatch:
         self._threshold = math.inf if stop.order_parameter is None else stop.order_parameter
         self._reference = stop.reference_robot
         self._members_change = simulation.scenario.members_change
+        self._all_periods = simulation.period_ms
         self._oscillators = ~np.isnan(simulation.period_ms)
         self._are_all = bool(self._oscillators.all())
         self._periods = simulation.period_ms[self._oscillators]
@@ -99,6 +100,8 @@ class SynchronyWatch:
         """
         if not len(self._periods):
             return np.full(phase_ms.shape[:-1], np.nan)
+        if self.measures and self._metric is reference_order_parameter:
+            phase_ms = from_reference(phase_ms, self._all_periods, self._reference)
         phases = np.ascontiguousarray(self._of_oscillators(phase_ms))
         if not self._members_change:
             return self._metric(phases, self._periods)

@@ -191,11 +191,14 @@ def test_a_cycle_is_counted_when_the_references_ring_lights_up():
             assert watched.cycles == other.cycles == cycles[number]
 
 
-@pytest.mark.parametrize(("metric", "expected"), [("complex", 1.0), ("reference", math.cos(0.4 * math.pi))])
-def test_the_metric_is_the_scenarios(metric, expected):
+@pytest.mark.parametrize("delay_ms", [0, 62])
+@pytest.mark.parametrize("metric", ["complex", "reference"])
+def test_the_metric_is_the_scenarios_and_delta_of_the_references_phase_does_not_count(metric, delay_ms):
     watched = watch([2000, np.nan, 8000], metric=metric)  # each has a period of its own, or none
     assert watched.outcome == (0, None)
-    watched.look(step(0, [1, 0, 0], [400, np.nan, 1600]))
+    watched.look(step(0, [1, 0, 0], [delay_ms, np.nan, 4 * delay_ms + 800]))
+    behind = 0.2 * math.pi
+    expected = {"complex": math.cos(behind / 2), "reference": (1 + math.cos(behind)) / 2}[metric]
     assert watched.order_parameter == pytest.approx(expected)
     assert watched.is_synchronised == (expected > 0.95)
     assert watched.outcome == (1, watched.order_parameter)
