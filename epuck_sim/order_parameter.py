@@ -43,7 +43,7 @@ def reference_order_parameter(phases: FloatArray, periods: FloatArray | float) -
 
 def from_reference(phases: FloatArray, periods: FloatArray, reference: int) -> FloatArray:
     """Return (..., n) phases relative to that of the reference: at its firing that is 0, or Delta of Algorithm 2."""
-    own = phases[..., reference, None] / periods[reference]
+    own: FloatArray = phases[..., reference, None] / periods[reference]
     return phases - own * periods
 
 
