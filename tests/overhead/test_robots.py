@@ -310,8 +310,8 @@ def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
     assert (found["by"], found["robots"], found["links"], found["unsure_share"]) == ("motion", [0, 1, 2], 15, 0)
     assert found["by_phases_s"] == pytest.approx(0.42)
     assert found["pairs_together"] == 3
-    apart = track_of([0.1, 0.3])  # order parameter: cos(0.2 pi)
-    for asked, is_met in ((None, False), (0.8, True), (0.82, False)):
+    apart = track_of([0.1, 0.1, 0.3])  # with an order parameter of 0.832
+    for asked, is_met in ((None, False), (0.83, True), (0.84, False)):
         track = apart._replace(options=apart.options._replace(order_parameter=asked))
         assert (summary(track, find_robots(track))["by_phases_s"] is not None) == is_met
     assert pair_columns(track, robots)["share"].tolist() == [1, 1, 1]

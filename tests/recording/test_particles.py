@@ -167,9 +167,9 @@ def test_all_is_as_the_swarm_had_it_and_between_instants_agents_fly_straight_and
         atol = 1e-6 * trial.scenario.space.side_cm
         np.testing.assert_allclose(read.positions[row], flat(positions), rtol=0, atol=atol)
         np.testing.assert_allclose(read.phase_ms[row], period_ms * phases, atol=1e-5)
-        if trial.scenario.stop.metric == "reference":
-            phases = phases - phases[trial.scenario.stop.reference]
-        assert read.order_parameter[row] == pytest.approx(METRICS[trial.scenario.stop.metric](phases, 1.0), abs=1e-7)
+        stop = trial.scenario.stop
+        since = phases - phases[stop.reference] if stop.metric == "reference" else phases
+        assert read.order_parameter[row] == pytest.approx(METRICS[stop.metric](since, 1.0), abs=1e-7)
         turned = np.exp(1j * read.headings[row]) * (flat(headings) @ [1, -1j])
         np.testing.assert_allclose(np.angle(turned[turned != 0]), 0, atol=1e-5)
 
