@@ -151,12 +151,14 @@ class RobotBuffer:
             kinds, rows = self._kinds.items(), self._capacity
             self._arrays = {name: np.empty((rows, *getattr(step, name).shape), kind) for name, kind in kinds}
             self._firings: list[tuple[int, float]] = []
-            self._arenas: list[tuple[int, Arena]] = [(0, step.arena)]
+            self._arenas: list[tuple[int, Arena]] = []
+            self._arena: Arena | None = None
             self._memory: list[list[FloatArray]] = []
         for name, array in self._arrays.items():
             array[row] = getattr(step, name)
-        if step.arena is not self._arenas[-1][1]:
-            self._arenas.append((row, step.arena))
+        if step.arena is not self._arena:  # whose circles are in the swarm's memory
+            self._arena = step.arena
+            self._arenas.append((row, step.arena.with_movables_at(step.movables)))
         self._memory.append([field_values(step, field) for field in self._fields])
         if watch.cycles > self._cycles:
             self._cycles = watch.cycles
