@@ -14,6 +14,7 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
 from epuck_sim.errors import FilmError
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.overhead.flashes import CountedRings, FlashLinker
@@ -24,6 +25,7 @@ from epuck_sim.overhead.tags import Readings
 from epuck_sim.overhead.track import Track, analyse
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import with_values, write_scenario
+from epuck_sim.trial.model import run_trial
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.seeds import trial_seed
 
@@ -164,6 +166,8 @@ class QuantityComparison(NamedTuple):
     film: float
     trials: FloatArray
     """(trials,) the same quantity of trials; NaN where they do not tell."""
+    end: float = 0.0
+    """The film's end, in cycles: what is beyond is at least as large."""
 
     @property
     def beyond(self) -> int:
@@ -187,15 +191,15 @@ class QuantityComparison(NamedTuple):
     def distances(self) -> FloatArray:
         """Return (1 + trials,) how far the film, and each trial, is from the others, in their standard deviations.
 
-        A time beyond the film's end counts as the longest that is known. What is not known is at distance 0, and so are
-        all if the film or most of the trials do not tell the quantity.
+        A time beyond the film's end counts as that end, or as the longest that is known. What is not known is at
+        distance 0, and so are all if the film or most of the trials do not tell the quantity.
         """
         values = np.append(self.film, self.trials)
         is_finite, is_known = np.isfinite(values), ~np.isnan(values)
         distances = np.zeros(len(values))
         if not is_known[0] or not is_finite.any() or is_known.sum() < max(3.0, FEWEST_KNOWN * len(values)):
             return distances
-        values = np.where(np.isinf(values), values[is_finite].max(), values)
+        values = np.where(np.isinf(values), max(values[is_finite].max(), self.end), values)
         for index in np.flatnonzero(is_known):
             others = values[is_known & (np.arange(len(values)) != index)]
             spread = max(float(others.std(ddof=1)), LEAST_SPREAD * float(np.abs(others).max()), 1e-12)
@@ -236,7 +240,7 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
     if p_value > UNLIKE:
         return Verdict(p_value, f"{caution}the film is like the simulated trials (p = {p_value:.2g})")
     far = np.argsort(-np.abs(distances[:, 0]))[:MOST_NAMED]
-    bound = np.sort(largest[1:])[-max(1, int(UNLIKE * trials))]
+    bound = min(np.sort(largest[1:])[-max(1, int(UNLIKE * trials))], largest[0])
     named = [
         f"{rows[index].name} is {'higher' if distances[index, 0] > 0 else 'lower'}"
         for index in far
@@ -262,7 +266,8 @@ def compare_film(
             continue
         values[:, trial] = [measured(track, found) for measured in QUANTITIES.values()]
     rows = zip(QUANTITIES.items(), values, strict=True)
-    return [QuantityComparison(*named, measured(film, robots), row) for (named, measured), row in rows]
+    end = film.duration_s / film.period_s
+    return [QuantityComparison(*named, measured(film, robots), row, end) for (named, measured), row in rows]
 
 
 def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Track, Robots]:
@@ -342,11 +347,15 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
         (frames,) s; (frames, robots, 3) poses in cm and rad, NaN where a robot is not in the arena; and
         (frames, robots) whether rings are seen to be lit.
     """
+    limits = {"order_parameter": None, "when": None, "further_cycles": 0, "max_cycles": 10**9}
+    end_s = film.duration_s + 2 * scenario.timing.step_ms / 1000
+    stop = scenario.stop.model_copy(update={**limits, "max_time_s": end_s})
     steps: list[tuple[float, FloatArray, BoolArray]] = []
-    for step in Simulation(scenario, seed):
+
+    def keep(step: Step, _: object) -> None:
         steps.append((step.time_s, step.poses.copy(), step.ring_on & step.present))
-        if step.time_s >= film.duration_s:
-            break
+
+    run_trial(Simulation(scenario.model_copy(update={"stop": stop}), seed), [keep])
     steps_s, poses, ring_on = map(np.array, zip(*steps, strict=True))
     exposure_s = min(scenario.overhead.exposure_ms / 1000, 1 / film.fps)
     frames_s = np.arange(0.0, film.duration_s - exposure_s, 1 / film.fps)

@@ -78,6 +78,13 @@ def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> N
     assert math.isnan(few.p_value)
     enough = judge(rows_of([99.0], trials[:19]))
     assert (enough.p_value, enough.sentence[:18]) == (0.05, "the film is unlike")
+    trials = np.append(np.full(37, 5.0), (4.0, 6.2))[:, None]  # one of 39 is farther off than the film
+    assert judge(rows_of([6.1], trials)).sentence.endswith("(p = 0.05): T_sync is higher than theirs")
+    never = [
+        row._replace(end=148.0) for row in rows_of([math.inf], 8 + np.random.default_rng(3).standard_normal((40, 1)))
+    ]
+    assert judge(never).p_value == pytest.approx(1 / 41)
+    trials = 5 + np.random.default_rng(3).standard_normal((40, 1))
     trials[:21] = math.inf
     verdict = judge(rows_of([math.inf], trials))
     assert verdict.sentence.startswith(
@@ -97,6 +104,8 @@ def test_a_trial_is_tracked_as_if_it_were_filmed_and_told_the_number_of_robots_i
     assert robots.identities.speed_cm_s == pytest.approx(1.5, rel=0.03)
     assert track_trial(SCENARIO, 5, FILM)[0].flashes == track.flashes
     assert track_trial(SCENARIO, 6, FILM)[0].flashes != track.flashes
+    slower = load_scenario(SCENARIO, ["schedule=[{at_cycle: 1, set: {robots.0.parameters.speed_cm_s: 0.5}}]"])
+    assert track_trial(slower, 5, FILM)[1].identities.speed_cm_s == pytest.approx(0.5, rel=0.1)
     for told, expected in ((None, None), (9, 4)):
         film = FILM._replace(options=FILM.options._replace(robots=told, corners_px=((0.0, 0.0),) * 4))
         track, _ = track_trial(SCENARIO, 5, film)
