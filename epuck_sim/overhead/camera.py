@@ -104,6 +104,7 @@ class CameraModel(NamedTuple):
         straighten = cv2.fisheye.undistortPoints if self.lens.is_fisheye else cv2.undistortPoints
         coefficients = np.array(self.lens.coefficients)
         straight = straighten(seen, self.lens.matrix, coefficients, criteria=UNDISTORT_CRITERIA).reshape(-1, 2)
+        straight[~np.isfinite(straight).all(axis=1)] = np.nan  # beyond what a fisheye lens shows
         rays = np.column_stack([straight, np.ones(len(straight))]) @ self.rotation
         distance = (z_cm - self.position_cm[2]) / rays[:, 2]
         return np.asarray(self.position_cm[:2] + distance[:, None] * rays[:, :2])

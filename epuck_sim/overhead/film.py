@@ -45,10 +45,13 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
     Raises:
         FilmError: There is no such film, it is damaged beyond use, or none of its pictures can be decoded.
     """
-    is_address = "://" in path_or_url
-    source = path_or_url if is_address else _resolve_file(path_or_url)
+    is_address, options, source = "://" in path_or_url, {}, path_or_url
+    if not is_address:
+        file = _resolve_file(path_or_url)
+        options = _numbering(file)
+        # a folder's % is none of FFmpeg's pattern
+        source = f"{file.parent}/".replace("%", "%%") + file.name if options else str(file)
     try:
-        options = {} if is_address else _numbering(Path(source))
         container = av.open(source, options=options, timeout=TIMEOUT_S if is_address else None, **ANY_METADATA)
     except FileNotFoundError as error:
         raise FilmError(
@@ -205,7 +208,7 @@ class FilmClock:
         return [f"{defect}: {number}" for defect, number in defects.items() if number]
 
 
-def _resolve_file(path: str) -> str:
+def _resolve_file(path: str) -> Path:
     """Return the absolute path for FFmpeg, which would take the relative path `film:2.mp4` for an address."""
     file = Path(path).absolute()
     if not path.strip():
@@ -218,7 +221,7 @@ def _resolve_file(path: str) -> str:
         )
     if file.is_file() and not file.stat().st_size:
         raise FilmError(f"{path}: is empty: nothing was recorded, or the copy failed; record or copy it again")
-    return str(file)
+    return file
 
 
 def _numbering(file: Path) -> dict[str, str]:

@@ -23,7 +23,7 @@ from epuck_sim.recording import Level
 from epuck_sim.recording.layers.arena import GREY, LIT, NIGHT, WHITE
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.rows import AgentBuffer, population_of
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.overhead import OverheadSection
@@ -101,15 +101,13 @@ def film_recording(
     scenario = _override_camera(recorded_scenario, overrides, str(recording))
     poses = map(np.column_stack, zip(recorded.positions, recorded.headings, strict=True))
     begin_s, arenas = zip(*recorded.arenas, strict=True)
-    is_reference = recorded.flash_robot == population_of(recorded.scenario).reference
-    cycles = np.searchsorted(recorded.flash_s[is_reference], recorded.time_s, side="right")
     orders = [None, *recorded.firing_order.tolist()]
-    measured = np.searchsorted(recorded.firing_s, recorded.time_s, side="right")
-    moments = zip(recorded.time_s, cycles, measured, poses, recorded.ring_on, recorded.movables, strict=True)
+    cycles = np.searchsorted(recorded.firing_s, recorded.time_s, side="right")
+    moments = zip(recorded.time_s, cycles, poses, recorded.ring_on, recorded.movables, strict=True)
     with _film(path, scenario, recorded.seed, lens) as observe:
-        for time_s, cycle, count, *robots in progress(moments, float(recorded.time_s.max(initial=0))):
+        for time_s, cycle, *robots in progress(moments, float(recorded.time_s.max(initial=0))):
             arena = arenas[bisect_right(begin_s, time_s) - 1]
-            observe(int(cycle), orders[count], float(time_s), *robots, arena)
+            observe(int(cycle), orders[cycle], float(time_s), *robots, arena)
 
 
 def _require_rings(scenario: Scenario, origin: str) -> EmbodiedScenario:
@@ -140,7 +138,8 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
         raise FilmError(f"{scenario.name}: a film of {size[0]} x {size[1]} pixels {lack}; give fewer pixels")
     try:
         through = None if lens is None else read_lens(lens, size)
-        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot_kinds, through)
+        arena = scenario.arena.build()
+        camera = VirtualCamera(section, arena, seed, scenario.robot_kinds, through, largest_cm(scenario))
     except EpuckSimError as error:
         raise FilmError(f"{scenario.name}: {error}") from error
     described = describe_film(scenario, seed) | ({} if lens is None else {"overhead": None})
@@ -218,7 +217,7 @@ def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
     changes = any(entry.add or entry.remove for entry in scenario.schedule)
     return {
         **_origin(scenario, seed),
-        "arena_cm": [scenario.arena.width_cm, scenario.arena.height_cm],
+        "arena_cm": [*largest_cm(scenario)],
         "robots": None if changes else sum(group.count for group in flashing if group.present) or None,
         "period_s": periods.pop() if len(periods) == 1 else None,
         "overhead": scenario.overhead.model_dump(),
@@ -239,12 +238,14 @@ class VirtualCamera:
         seed: int,
         kinds: Sequence[RobotKind] = (EPUCK,),
         lens: Lens | None = None,
+        largest_cm: tuple[float, float] | None = None,
     ) -> None:
         """Place a camera above an arena, see `overhead_camera`, by default with the lens of the section.
 
-        The seed is that of the noise; `kinds` are those of each robot, or one for all.
+        The seed is that of the noise; `kinds` are those of each robot, or one for all. Where walls move, the camera
+        sees the arena at its largest.
         """
-        camera = overhead_camera(section, arena.width_cm, arena.height_cm)
+        camera = overhead_camera(section, *(largest_cm or (arena.width_cm, arena.height_cm)))
         self._renderer = Renderer(section, camera._replace(lens=lens or camera.lens), arena, seed, kinds)
         self._section = section
         self._exposure_s = section.exposure_ms / 1000

@@ -25,7 +25,7 @@ from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
 from epuck_sim.overhead.tags import tag_corners_cm, tag_dictionary, tag_modules, tag_pattern
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.loader import load_of_model, with_values
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
@@ -225,7 +225,7 @@ class ArenaView:
         given = {**PERFECT, "width_px": width_px, "height_px": height_px}
         changed = {f"overhead.{key}": value for key, value in given.items() if value is not None}
         section = with_values(scenario, changed, scenario.name).overhead
-        camera = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
+        camera = overhead_camera(section, *largest_cm(scenario))
         arena = scenario.arena.build()
         self._movables = arena.circles[arena.first_movable :, :2]
         self._renderer = Renderer(section, camera, arena, seed=0, kinds=scenario.robot_kinds)

@@ -87,9 +87,11 @@ def test_what_a_film_says_of_itself_and_films_from_elsewhere_do_not(tmp_path):
 
 
 def test_numbered_pictures_and_addresses_and_names_that_look_like_some(tmp_path, monkeypatch):
+    folder = tmp_path / "half 50%d"
+    folder.mkdir()
     for number in range(7):
-        cv2.imwrite(str(tmp_path / f"frame_{9 + number:03}.png"), numbered_picture(number, 61, 43)[..., ::-1])
-    with open_film(str(tmp_path / "frame_%03d.png")) as film:
+        cv2.imwrite(str(folder / f"frame_{9 + number:03}.png"), numbered_picture(number, 61, 43)[..., ::-1])
+    with open_film(str(folder / "frame_%03d.png")) as film:
         for number, (time_s, picture) in enumerate(film.frames()):
             assert time_s == pytest.approx(number / 25)
             np.testing.assert_array_equal(picture, numbered_picture(number, 61, 43))

@@ -113,6 +113,9 @@ def test_film_says_how_many_flash_and_in_which_period() -> None:
     ]:
         description = filming.describe_film(load(robots=groups), SEED)
         assert (description["robots"], description["period_s"]) == (robots, period_s)
+        assert description["arena_cm"] == [60, 60]
+    grows = load(schedule=[{"at_s": 1, "set": {"arena.width_cm": 80}}])
+    assert filming.describe_film(grows, SEED)["arena_cm"] == [80, 60]
 
 
 @pytest.fixture
@@ -149,10 +152,12 @@ def test_letters_are_white_edged_in_black_in_the_upper_left_corner() -> None:
     assert (plain.picture == 90).all()
 
 
-@pytest.mark.parametrize("light", ["lit", "dark"])
-def test_a_trial_and_its_recording_have_the_same_captions_in_the_light_alone(tmp_path, written, light: str) -> None:
+@pytest.mark.parametrize(("light", "faults"), [("lit", []), ("lit", ["ring_dead"]), ("dark", [])])
+def test_a_trial_and_its_recording_have_the_same_captions_in_the_light_alone(tmp_path, written, light, faults) -> None:
     overhead = {"width_px": 160, "height_px": 160, "frames_per_s": 5, "light": light}
-    scenario = load(robots=[{"count": 3, "parameters": {"period_s": 1.0}}], overhead=overhead)
+    of_reference = [{"kind": kind, "robots": [0]} for kind in faults]
+    groups = [{"count": 3, "parameters": {"period_s": 1.0}}]
+    scenario = load(robots=groups, overhead=overhead, faults=of_reference)
     film_and_record(tmp_path, scenario)
     live = list(written)
     written.clear()
