@@ -13,7 +13,7 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.axes import group_rows
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.points import Point
-from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.measured import Measured, restrict
 from epuck_sim.statistics.sequential import FIRST_LOOK, Precision, look_contrast, look_interval, look_sizes
 from epuck_sim.util.messages import comma_list, counted
 
@@ -135,18 +135,19 @@ class Looks:
                 return
 
     def _look_at(self, group: Sequence[Point], size: int) -> list[Look]:
-        means = [self._mean(point, size) for point in group]
+        limit, samples = group[0].scenario.trials, [self._measured(point, size) for point in group]
+        means = [look_interval(each, limit) for each in samples]
         if self._key is None:
             return [Look(size, mean, None, self._precision.width(mean)) for mean in means]
-        contrasts = [look_contrast(means[0], mean, is_relative=self._precision.is_relative) for mean in means[1:]]
+        first, *others = (look_interval(each, limit) for each in restrict(samples))
+        contrasts = [look_contrast(first, mean, is_relative=self._precision.is_relative) for mean in others]
         widths = [*map(self._precision.width, contrasts)]
         rows = zip(means, [None, *contrasts], [max(widths), *widths], strict=True)
         return [Look(size, *row) for row in rows]
 
-    def _mean(self, point: Point, size: int) -> Estimate:
+    def _measured(self, point: Point, size: int) -> Measured:
         times, observed = self._store.ends(point.key, size)
-        measured = Measured(times, observed, float(point.scenario.stop.max_cycles), 0, unit="cycles")
-        return look_interval(measured, point.scenario.trials)
+        return Measured(times, observed, float(point.scenario.stop.max_cycles), 0, unit="cycles")
 
     def width(self, number: int) -> float:
         """Return the width of a point's interval relative to what is asked; inf as long as there is none."""

@@ -22,7 +22,7 @@ from epuck_sim.runs.share import Share
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.measured import measure_t_sync
+from epuck_sim.statistics.measured import measure_t_sync, restrict
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_sizes
 from epuck_sim.sweep import executors
 from epuck_sim.sweep.executors import local_pool
@@ -280,6 +280,16 @@ def test_points_of_a_contrast_end_together_at_the_first_look_that_is_narrow(tmp_
     assert len(set(ends.values())) > 1
     assert table(folder) == [row for row in table(all_trials) if row[1] < ends[row[0]]]
     assert progress.trials == sum(ends.values())
+
+
+def test_points_of_a_contrast_are_compared_up_to_the_same_cycle(tmp_path) -> None:
+    looks = Looks("90%", "period_s")
+    scenario = load_scenario("particles", ["max_time_s=280", "trials=20"], ["period_s=1,4"])
+    run_sweep(scenario, tmp_path / "run", pool_here, until=looks)
+    samples = restrict([measure_t_sync(point) for point in read_points(tmp_path / "run")])
+    assert all(0 < each.censored < 1 for each in samples)
+    expected = look_contrast(*(look_interval(each, 20) for each in samples), is_relative=True)
+    assert looks.table().rows[1].cells["ratio"] == expected
 
 
 def test_the_command_says_how_narrow_intervals_are(all_trials) -> None:
