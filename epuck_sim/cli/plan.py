@@ -55,7 +55,8 @@ def duration_of_scenario(points: Sequence[Point], wanted: int, budget_s: float, 
     estimate = estimate_mean(Measured(times, np.ones(len(times), bool), math.inf, 0))
     compute = estimate.apply(lambda seconds: count * seconds)
     is_cut = any(each.is_cut for each in timed)
-    at_limit = [PointAtLimit(each.point, points[each.point].axes, 1) for each in timed if each.is_censored]
+    ends = {number: [each.is_censored for each in timed if each.point == number] for number in range(len(points))}
+    at_limit = [PointAtLimit(number, points[number].axes, len(of)) for number, of in ends.items() if of and all(of)]
     return Duration(len(points), wanted, count, workers, compute, len(times), is_cut, at_limit)
 
 

@@ -1,5 +1,6 @@
 """What comes before the first trial of a sweep: checks of its points, how large it is, and trials that are timed."""
 
+import math
 import random
 import time
 from collections.abc import Iterable, Sequence
@@ -13,6 +14,9 @@ from epuck_sim.trial.model import check_room, run_trial, simulate
 from epuck_sim.trial.result import TrialState
 from epuck_sim.util.machine import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
 from epuck_sim.util.messages import counted
+
+ENOUGH_TIMED = 20
+"""Trials that are timed, if there is time, of all points together."""
 
 TRIAL_BYTES = 145
 """Size of a trial in a run folder, without measures; as measured with 10,000 to 1,000,000 trials (docs/speed.md)."""
@@ -66,24 +70,26 @@ class TimedTrial(NamedTuple):
 
 
 def time_trials(points: Sequence[Point], budget_s: float) -> list[TimedTrial]:
-    """Time the first trial of as many points as there is time for, in random order; compilation is not counted.
+    """Time a trial of each point, and more until there are `ENOUGH_TIMED`, for as long as there is time.
 
-    Points are drawn with equal chances, so that the mean is that of all points. The last trial may be cut.
+    Points come in random order, so that the mean is that of all. Compilation is not counted, nor is what makes a
+    simulation, as workers keep theirs. The last trial may be cut.
     """
     order = random.Random(0).sample(range(len(points)), len(points))
-    _time_trial(points[order[0]], 0)
+    _time_trial(points[order[0]], 0, 0)
     timed: list[TimedTrial] = []
     end = time.perf_counter() + budget_s
-    for place in order:
-        left = end - time.perf_counter()
-        if left <= 0:
-            break
-        timed.append(_time_trial(points[place], left))
+    for trial in range(math.ceil(ENOUGH_TIMED / len(points))):
+        for place in order:
+            left = end - time.perf_counter()
+            if left <= 0:
+                return timed
+            timed.append(_time_trial(points[place], trial, left))
     return timed
 
 
-def _time_trial(point: Point, budget_s: float) -> TimedTrial:
-    begin = time.perf_counter()
+def _time_trial(point: Point, trial: int, budget_s: float) -> TimedTrial:
+    simulation, begin = simulate(point.scenario, point.seed(trial)), time.perf_counter()
 
     def look_at_clock(_: TrialState) -> None:
         if time.perf_counter() - begin > budget_s:
@@ -91,7 +97,7 @@ def _time_trial(point: Point, budget_s: float) -> TimedTrial:
 
     is_cut = is_censored = False
     try:
-        result = run_trial(simulate(point.scenario, point.seed(0)), progress=look_at_clock)
+        result = run_trial(simulation, progress=look_at_clock)
         is_censored = result.censored is True
     except TrialTimeoutError:
         is_cut = True

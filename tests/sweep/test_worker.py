@@ -223,13 +223,13 @@ def made(*settings: str):
     return points(load_scenario("pair", settings, ["robots.0.parameters.speed_cm_s=1,2,4,8"]))
 
 
-# Pilots: each point is timed once, in random order, until time is up
+# Pilots: trials of all points are timed, in random order, until there are 20 or time is up
 
 
-def test_every_point_is_timed_once_if_there_is_time_and_no_trial_is_cut() -> None:
+def test_every_point_is_timed_as_often_if_there_is_time_and_no_trial_is_cut() -> None:
     timed = time_trials(made("stop.max_cycles=2"), 60)
-    assert sorted(each.point for each in timed) == [0, 1, 2, 3]
-    assert [each.point for each in timed] != [0, 1, 2, 3]
+    assert sorted(each.point for each in timed) == sorted(5 * [0, 1, 2, 3])
+    assert [each.point for each in timed[:4]] != [0, 1, 2, 3]
     assert not any(each.is_cut for each in timed)
     assert all(each.wall_s > 0 for each in timed)
 
@@ -245,7 +245,7 @@ def test_a_trial_that_takes_longer_is_cut(scenario: str) -> None:
 def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_left(monkeypatch) -> None:
     now, budgets = [0.0], []
 
-    def time_trial(point: Point, budget_s: float) -> checks.TimedTrial:
+    def time_trial(point: Point, _: int, budget_s: float) -> checks.TimedTrial:
         budgets.append(budget_s)
         now[0] += 2
         return checks.TimedTrial(point.number, 2, False)
