@@ -217,12 +217,17 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
         self._swarm.close()
 
 
-def robot_vector_env(num_envs: int = 1, scenario: ScenarioLike = ONE_OF_TEN, **settings: Any) -> SwarmVectorEnv:
+def robot_vector_env(
+    num_envs: int = 1, scenario: ScenarioLike = ONE_OF_TEN, max_episode_steps: int | None = None, **settings: Any
+) -> SwarmVectorEnv:
     """Return a `vector_env` of swarms each with one robot driven from outside, as `gymnasium.make_vec` asks for it.
 
     Raises:
         ScenarioError: Not one robot of a swarm is driven from outside, but none, or several.
+        ValueError: The length of episodes is given in steps.
     """
+    if max_episode_steps is not None:
+        raise ValueError(f"max_episode_steps is {max_episode_steps}; allowed: episode_s, in simulated seconds")
     env = vector_env(scenario, num_envs, **settings)
     _check_only_agent(env.agents)
     return env

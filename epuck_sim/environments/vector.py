@@ -134,6 +134,12 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         numbers, self._actuators, beside = _side_by_side(shown, self._memories[0][0], self._copies)
         self._numbers, self._step = numbers[:, 0], Step._make(beside)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Refuse copies in the middle of an episode: a simulation's copy does not repeat the actions of agents."""
+        if any(simulation.steps > 1 for simulation in self.simulations):
+            raise ValueError("an episode is under way, of which there is no copy; copy an environment before reset()")
+        return vars(self)
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take the state of another one, whose swarms are elsewhere in memory."""
         vars(self).update(state)

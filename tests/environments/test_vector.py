@@ -92,6 +92,8 @@ def test_a_copy_steps_swarms_of_its_own():
     later = [copy.step(policy(rows))[0] for _ in range(3)][-1]
     assert [each.steps for each in batch.simulations] == [1, 1]
     np.testing.assert_array_equal([batch.step(policy(rows))[0] for _ in range(3)][-1], later)
+    with pytest.raises(ValueError, match="an episode is under way, of which there is no copy"):
+        pickle.dumps(batch)
 
 
 def test_resets_take_one_seed_or_one_for_each_swarm():
@@ -229,3 +231,5 @@ def test_swarms_without_exactly_one_driven_robot_are_refused(make):
     ):
         with pytest.raises(ScenarioError, match=message):
             make(scenario)
+    with pytest.raises(ValueError, match="max_episode_steps is 9; allowed: episode_s, in simulated seconds"):
+        gymnasium.make_vec(ROBOT_ENV, 2, max_episode_steps=9)
