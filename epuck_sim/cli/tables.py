@@ -154,7 +154,8 @@ def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
         print(f"{folder}{share}: {status.stored} of {status.trials}{failed}{at_work}")
     stored, trials = (sum(getattr(status, name) for status in statuses.values()) for name in ("stored", "trials"))
     failures = sum(len(status.failed) for status in statuses.values())
-    print(f"together: {stored} of {trials} trials have a result; failed: {failures}")
+    if len({status.share is None for status in statuses.values()}) == 1:  # a whole sweep has what its shares have
+        print(f"together: {stored} of {trials} trials have a result; failed: {failures}")
     given = {status.share for status in statuses.values() if status.share is not None}
     counts = {share.partition("/")[2] for share in given}
     if len(counts) == 1:  # of shares of one number of them it is known which are missing

@@ -71,7 +71,7 @@ class SweepTrials(list[PointTrials]):
 
         Its columns are `point`, the number of the point; the axes by their dotted keys; `seed`; `cycles`, at which the
         trial ended; `censored`, None without T_sync; `t_sync_cycles`, NaN where it is censored, and without T_sync; and
-        the measure that was asked for.
+        the measure that was asked for, as `measures.NAME` if a column has its name.
 
         Raises:
             EpuckSimError: pandas is not installed.
@@ -101,7 +101,8 @@ def _trial_rows(point: PointTrials) -> Iterator[dict[str, Any]]:
     for seed, cycles, observed, value in zip(*columns, strict=True):
         censored = not observed if point.has_t_sync else None
         ends = {"cycles": cycles, "censored": censored, "t_sync_cycles": cycles if observed else np.nan}
-        yield {"point": point.number, **point.axes, "seed": seed, **ends, **({point.of: value} if point.of else {})}
+        row = {"point": point.number, **point.axes, "seed": seed, **ends}
+        yield row if point.of is None else {**row, f"measures.{point.of}" if point.of in row else point.of: value}
 
 
 def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:

@@ -84,7 +84,7 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
 
     def size(folder: Path) -> tuple[int, int, int]:  # the sweep may have grown since the first share was begun
         measures = sum(len(json.loads(point.measures)) for point in points[folder])
-        return len(points[folder]), sum(point.trials for point in points[folder]), measures
+        return len(points[folder]), measures, sum(point.trials for point in points[folder])
 
     largest = max(points, key=size)
     most: dict[str, int] = {}  # at each point, of any folder: one may have more trials at some points, and fewer in all

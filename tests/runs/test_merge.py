@@ -113,6 +113,10 @@ def test_a_sweep_that_has_grown_meanwhile_is_as_large_as_its_largest_share_of_ea
     merge_folders([fill_share(tmp_path / "small", Share(1, 2)), large], tmp_path / "merged")
     assert read_status(tmp_path / "merged").trials == 6 * 9
     assert load_scenario(tmp_path / "merged").trials == 9
+    measured = load_scenario(MANY.model_copy(update={"trials": 7}), measures=["near_walls"])
+    more = fill_share(tmp_path / "more", Share(1, 2), MANY.model_copy(update={"trials": 9}))
+    merge_folders([more, fill_share(tmp_path / "measured", Share(2, 2), measured)], tmp_path / "both")
+    assert [section.name for section in load_scenario(tmp_path / "both").measures] == ["near_walls"]
     counts = {"a": [7, 2, 2, 2, 2, 2], "b": [4] * 6}
     for name, trials in counts.items():
         found = points(MANY)
@@ -173,6 +177,8 @@ def test_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:
     ]
     assert f"demo: share 1/4, 6 points, {counts[0]} of {trials[0]} trials" in called("status", folders[0])
     assert called("status", *folders, "--json").count('"folder"') == 3
+    merge_folders(folders, tmp_path / "merged")
+    assert "together" not in called("status", *folders, tmp_path / "merged")
 
 
 @settings(max_examples=30)

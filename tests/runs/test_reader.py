@@ -190,6 +190,8 @@ def test_the_measure_asked_for_is_a_column_and_trials_without_t_sync_are_neither
     points = SweepTrials(point._replace(observed=point.observed & False, **without) for point in made)
     frame = points.to_pandas()
     assert frame["order"].tolist() == [0.5, [1, 2]] * 4
+    named = SweepTrials(point._replace(of="seed") for point in points).to_pandas()
+    assert (named["measures.seed"].tolist(), named["seed"].tolist()) == ([0.5, [1, 2]] * 4, frame["seed"].tolist())
     assert frame["censored"].tolist() == [None] * 8
     assert frame["t_sync_cycles"].isna().all()
     assert points._repr_html_().count("<td>-</td>") == 4
