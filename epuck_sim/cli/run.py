@@ -239,7 +239,8 @@ def replay(
     end_s = last_moment_s(file)
     if screenshot is not None:
         reject_first(
-            (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends")
+            (end_s < 0, f"{file}: holds no moment of a trial, of which there is no picture"),
+            (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends"),
         )
         draw_screenshot(file, end_s if at is None else at, screenshot)
     elif web:

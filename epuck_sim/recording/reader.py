@@ -109,10 +109,10 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
 
 
 def last_moment_s(path: Path) -> float:
-    """Return the time of a recording's last row in seconds, 0 if there is none; raise as `read_recording` does."""
+    """Return the time of a recording's last row in seconds, -1 if there is none; raise as `read_recording` does."""
     entities = Entities(path, series.ORDER_AT_STEPS)
     _trial_of(path, entities)
-    return float(entities.times(series.ORDER_AT_STEPS).max(initial=0))
+    return float(entities.times(series.ORDER_AT_STEPS).max(initial=-1))
 
 
 def read_layout(path: Path) -> rrb.Blueprint | None:

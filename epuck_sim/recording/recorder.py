@@ -12,6 +12,7 @@ from typing import Any
 import rerun as rr
 from rerun.chunk import Chunk
 
+from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level
 from epuck_sim.recording.layers.arena import AgentLayers, arena_entities, static_arena_entities
 from epuck_sim.recording.layers.robots import RobotLayers
@@ -35,7 +36,7 @@ TRIAL, OUTCOME = "trial", "outcome"  # names of the properties that describe the
 
 @contextmanager
 def record(
-    path: Path | str, scenario: Scenario, seed: int, level: Level = Level.FULL, *, memory: Sequence[str] = ()
+    path: Path | str, scenario: Scenario, seed: int, level: Level | str = Level.FULL, *, memory: Sequence[str] = ()
 ) -> Iterator["Recorder"]:
     """Yield an observer of a trial (see `run_trial`) that records it into a file for rerun's viewer.
 
@@ -44,13 +45,16 @@ def record(
             error, an older file stays, and nothing else is left.
         scenario: The trial's scenario.
         seed: The trial's seed.
-        level: How much is recorded.
+        level: How much is recorded: summary, poses or full.
         memory: Fields of the controllers' MEMORY to record, whatever the level.
 
     Raises:
-        EpuckSimError: The file cannot be written, the scenario cannot be recorded, or no controller remembers a field.
+        EpuckSimError: The file cannot be written, the scenario cannot be recorded, there is no such level, or no
+            controller remembers a field.
     """
-    scenario = complete(scenario, scenario.name)  # with every default written out
+    if level not in list(Level):
+        raise RecordingError(f"level is {level!r}; allowed: {', '.join(Level)}")
+    level, scenario = Level(level), complete(scenario, scenario.name)  # with every default written out
     memory = recorded_fields(scenario, level, memory)
     layout = layout_file(arrangement_of(scenario, level, memory))
     with rrd_file(Path(path), _recording_id(scenario, seed, level, memory), layout) as write:

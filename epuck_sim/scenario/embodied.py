@@ -175,6 +175,9 @@ class EmbodiedScenario(Scenario):
                 "with present: true, as its firings are counted"
             )
         check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
+        tags = self.overhead.tags
+        if tags is not None and self.robot_count > int(tags.partition("_")[2]):
+            raise ValueError(f"overhead.tags is {tags!r}, which has no tag for each of {self.robot_count} robots")
         return self
 
     @property

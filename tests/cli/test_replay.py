@@ -16,7 +16,7 @@ from unittest.mock import call as method
 
 import pytest
 
-from epuck_sim import Simulation, Step, points, read_recording
+from epuck_sim import RecordingError, Simulation, Step, points, read_recording, record
 from epuck_sim.embodied.changes import replacement
 from epuck_sim.recording import Level, live, viewer
 from epuck_sim.recording.live import sleep
@@ -149,7 +149,9 @@ def test_a_trial_that_comes_out_otherwise_than_stored_is_noted(swept, here, view
     assert views.show.call_count == len(list(here.glob("*.rrd"))) == 1
 
 
-def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_its_end_or_a_moment(pair, views) -> None:
+def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_its_end_or_a_moment(
+    pair, here, views
+) -> None:
     for arguments, port in (([], 9090), (["--port", "1234"], 1234)):
         result = call("replay", pair, "--web", *arguments)
         assert (result.exit_code, result.stdout) == (0, f"{ADDRESS}:{port}\n")
@@ -161,6 +163,15 @@ def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_its_en
         assert called("replay", pair, "--screenshot", "p.png", *([] if at is None else ["--at", f"{at:g}"])) == ""
         assert views.method_calls == [method.draw_screenshot(pair, drawn, Path("p.png"))]
         views.reset_mock()
+    with record(here / "empty.rrd", load_scenario("pair"), 1, "poses"):
+        pass
+    result = call("replay", here / "empty.rrd", "--screenshot", "p.png")
+    assert (result.exit_code, "empty.rrd: holds no moment of a trial" in result.stderr) == (2, True)
+    with (
+        pytest.raises(RecordingError, match="level is 'half'; allowed: summary, poses, full"),
+        record("e.rrd", None, 1, "half"),
+    ):
+        pass
 
 
 def watch_live(monkeypatch, look: Callable[[Step, Any], None]) -> SimpleNamespace:
