@@ -89,7 +89,7 @@ def open_observers(
 @contextmanager
 def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[ObserverFactory]:
     from epuck_sim.cli.keys import pressed_keys
-    from epuck_sim.recording.live import live, live_viewer, sleep
+    from epuck_sim.recording.viewer import live, live_viewer, sleep
 
     memory, level = tuple(dict.fromkeys(watched.memory)), watched.level
     invitation = "open this address in a browser on this machine; the trial begins by itself:\n"

@@ -18,10 +18,10 @@ from epuck_sim.display.table import leaves
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers.arena import LEGIBLE_SHARE, UNLABELLED
-from epuck_sim.recording.layers.series import phase_lead
-from epuck_sim.recording.recorded import Recorded
+from epuck_sim.recording.layers import LEGIBLE_SHARE, UNLABELLED
+from epuck_sim.recording.reader import Recorded
 from epuck_sim.recording.rows import Population, population_of
+from epuck_sim.recording.series import phase_lead
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario

@@ -20,7 +20,7 @@ from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.render import NO_MOVABLES, ExposureSample, Renderer
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers.arena import GREY, LIT, NIGHT, WHITE
+from epuck_sim.recording.layers import GREY, LIT, NIGHT, WHITE
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.rows import AgentBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm

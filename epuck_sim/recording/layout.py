@@ -10,11 +10,10 @@ import rerun.blueprint as rrb
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import READING
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers.arena import LEGEND, NIGHT, number_width
-from epuck_sim.recording.layers.robots import CAMERA, INFRARED, SPACE_TIME
-from epuck_sim.recording.layers.series import EVENTS, FLASHES, NOW, PHASE_LEAD, PHASES, WHEELS, memory_entity
+from epuck_sim.recording.layers import CAMERA, INFRARED, LEGEND, NIGHT, SPACE_TIME, number_width
 from epuck_sim.recording.rows import population_of
 from epuck_sim.recording.rrd_file import APPLICATION, TIMELINE
+from epuck_sim.recording.series import EVENTS, FLASHES, NOW, PHASE_LEAD, PHASES, WHEELS, memory_entity
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario
 

@@ -14,12 +14,11 @@ from rerun.chunk import Chunk
 
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers.arena import AgentLayers, arena_entities, static_arena_entities
-from epuck_sim.recording.layers.robots import RobotLayers
-from epuck_sim.recording.layers.series import Texts, recorded_fields, static_time_series, time_series
+from epuck_sim.recording.layers import AgentLayers, RobotLayers, arena_entities, static_arena_entities
 from epuck_sim.recording.layout import arrangement_of, layout_file
 from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
 from epuck_sim.recording.rrd_file import rrd_file, static_chunk, strict_mode
+from epuck_sim.recording.series import Texts, recorded_fields, static_time_series, time_series
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import complete, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario

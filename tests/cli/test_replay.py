@@ -18,8 +18,8 @@ import pytest
 
 from epuck_sim import RecordingError, Simulation, Step, points, read_recording, record
 from epuck_sim.embodied.changes import replacement
-from epuck_sim.recording import Level, live, viewer
-from epuck_sim.recording.live import sleep
+from epuck_sim.recording import Level, viewer
+from epuck_sim.recording.viewer import sleep
 from epuck_sim.runs.reader import read_outcome
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.util import machine
@@ -190,8 +190,8 @@ def watch_live(monkeypatch, look: Callable[[Step, Any], None]) -> SimpleNamespac
         found.more.update(more)
         return nullcontext(look)
 
-    monkeypatch.setattr(live, "live_viewer", live_viewer)
-    monkeypatch.setattr(live, "live", show)
+    monkeypatch.setattr(viewer, "live_viewer", live_viewer)
+    monkeypatch.setattr(viewer, "live", show)
     return found
 
 

@@ -23,8 +23,8 @@ from epuck_sim.figures import trial_page
 from epuck_sim.figures.saving import Target, save_figure
 from epuck_sim.figures.trial_page import RED, TOLERANCE, agent_path, check_drawable, draw_page, page_title
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers.arena import UNLABELLED
-from epuck_sim.recording.recorded import Recorded
+from epuck_sim.recording.layers import UNLABELLED
+from epuck_sim.recording.reader import Recorded
 from epuck_sim.recording.rows import PATH_S, population_of
 from tests.cli.commands import call
 from tests.figures.drawn import laid_out

@@ -23,8 +23,7 @@ from epuck_sim.overhead.render import ArenaView, ExposureSample, dimming
 from epuck_sim.overhead.track import track_film
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording import Level
-from epuck_sim.recording.reader import read_recording
-from epuck_sim.recording.recorded import Recorded
+from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario

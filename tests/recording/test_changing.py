@@ -10,7 +10,7 @@ from epuck_sim.arena import Arena
 from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.filming import film_recording
-from epuck_sim.recording.layers.arena import OBSTACLES, WALLS
+from epuck_sim.recording.layers import OBSTACLES, WALLS
 from epuck_sim.recording.reader import Entities
 from tests.embodied.steps import GATE, PILLARS
 

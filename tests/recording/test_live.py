@@ -14,10 +14,9 @@ from rerun.experimental import ViewerClient
 
 from epuck_sim import RecordingError, Scenario, Step, TrialResult, load_scenario
 from epuck_sim.recording import Level
-from epuck_sim.recording import live as live_module
 from epuck_sim.recording import viewer as viewer_module
-from epuck_sim.recording.live import END, MOST_LATE_S, PAUSE, STEP, Pace, live, live_viewer
 from epuck_sim.recording.process import NO_GRAPHICS, in_background, proxy_url
+from epuck_sim.recording.viewer import END, MOST_LATE_S, PAUSE, STEP, Pace, live, live_viewer
 from epuck_sim.trial.model import Observer, run_trial, simulate
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
@@ -107,7 +106,7 @@ def begin(monkeypatch, *pressed: tuple[float, str], speed: float = 1.0) -> tuple
         return ""
 
     clock.wait = wait
-    monkeypatch.setattr(live_module, "time", clock)
+    monkeypatch.setattr(viewer_module, "time", clock)
     return clock, Pace(speed, wait)
 
 
@@ -172,8 +171,8 @@ def told(monkeypatch, scenario: Scenario, speed: float, times: list[float], *pre
         recorder.flush.side_effect = partial(note, what="flush")
         return recorder
 
-    monkeypatch.setattr(live_module, "Recorder", begin_recorder)
-    monkeypatch.setattr(live_module, "chunk_stream", lambda *_: nullcontext())
+    monkeypatch.setattr(viewer_module, "Recorder", begin_recorder)
+    monkeypatch.setattr(viewer_module, "chunk_stream", lambda *_: nullcontext())
     viewer = SimpleNamespace(has_ended=False)
     with live(viewer, free_port(), scenario, 0, Level.FULL, speed, wait=clock.wait) as look:
         for time_s in times:

@@ -16,7 +16,7 @@ from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.simulation import SHIFTS_ONLY, Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
-from epuck_sim.recording.layers.arena import UNLABELLED
+from epuck_sim.recording.layers import UNLABELLED
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.scenario.yaml_io import parse_yaml
 from tests.particles.naive_model import receivers_of

@@ -17,14 +17,11 @@ from rerun.chunk import RrdReader
 from epuck_sim import RecordingError, Scenario, Simulation, TrialResult, load_scenario, record, run_trial
 from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.step import Step, memory_values
-from epuck_sim.recording import Level, recorder
-from epuck_sim.recording.layers import robots as layers
-from epuck_sim.recording.layers.arena import row_numbers
-from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
+from epuck_sim.recording import Level, layers, recorder
+from epuck_sim.recording.layers import UNBOUNDED_VIEW_CM, row_numbers
 from epuck_sim.recording.layout import layout_of
 from epuck_sim.recording.process import PROGRAM, run_rerun
-from epuck_sim.recording.reader import read_recording
-from epuck_sim.recording.recorded import Recorded
+from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.rrd_file import SEAL
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario

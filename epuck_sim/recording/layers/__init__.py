@@ -1,1 +1,0 @@
-"""What the viewer draws: rows of a trial as rerun's entities."""
