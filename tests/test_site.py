@@ -14,7 +14,7 @@ from typer.main import get_command
 import epuck_sim
 from epuck_sim.cli.app import app
 from epuck_sim.cli.listing import list_names
-from epuck_sim.measures.loader import SHIPPED
+from epuck_sim.measures.measure import SHIPPED
 from epuck_sim.scenario.loader import load_scenario
 from tests.browsers import shown
 from tests.tools import needs_browser

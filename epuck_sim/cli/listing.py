@@ -8,7 +8,7 @@ from pathlib import Path
 from epuck_sim.cli.tables import terminal_width
 from epuck_sim.control.loader import CONTROLLER, SENSOR
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.measures.loader import MEASURE, find_measure
+from epuck_sim.measures.measure import MEASURE, find_measure
 from epuck_sim.scenario.loader import SCENARIO
 from epuck_sim.scenario.particles import CURVE
 from epuck_sim.scenario.robot_kind import ROBOT

@@ -131,7 +131,7 @@ MeasureOption = Annotated[
         "--measure",
         metavar="FILE",
         help="Measure more, by a name (`list --measures`) or file; repeatable.",
-        autocompletion=complete("epuck_sim.measures.loader", "MEASURE"),
+        autocompletion=complete("epuck_sim.measures.measure", "MEASURE"),
     ),
 ]
 QuickOption = Annotated[bool, scenario_option("--quick", help="Take the scenario's quick version.")]

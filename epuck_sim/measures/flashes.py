@@ -1,11 +1,25 @@
-"""Flashes that robots see, miss, or see for longer than a step."""
+"""Flashes that robots see, miss, or see for longer than a step, and whom they suspect because they see none of them.
 
+Faults are found by synchrony (Christensen et al. 2009; 6.2): each robot knows of each other one for how long it has had
+it in view without seeing its ring lit since it last did. After `cycles` periods of that it suspects the other, until it
+sees it flash. The time in which another is out of view does not count, nor do flashes then: that is where false alarms
+come from.
+"""
+
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray, IntArray
-from epuck_sim.measures.common import Share, Shipped, check_sight, rows_of_steps, share
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.measures.common import ABOVE_0, Share, Shipped, allowed, check_sight, rows_of_steps, share
+from epuck_sim.util.jit import jit
+
+HALF_A_MILLISECOND = 0.0005
+"""Allowance in seconds for the sum of many control steps."""
+
+FLASHLESS = ("ring_dead", "oscillator_frozen")
+"""Kinds of faults that keep a robot from flashing."""
 
 
 class FlashesSeen(Share):
@@ -75,3 +89,127 @@ class FlashesRepeated(_FlashViews):
     def value(self) -> float | None:
         """Return the share; None if no robot had a flash in view."""
         return share(self._repeated, self._seen)
+
+
+@dataclass
+class _Suspicion(Shipped):
+    """What both measures share: who suspects whom, and who does not flash."""
+
+    cycles: float = 2.0
+    check, check_scenario = staticmethod(allowed(cycles=ABOVE_0)), staticmethod(check_sight)
+    MODELS = ("embodied",)
+    _events = 0
+
+    def __post_init__(self) -> None:
+        robots = len(self.simulation.period_ms)
+        self._step_s = 1 / self.simulation.scenario.timing.control_hz
+        self._period_s: FloatArray = self.simulation.period_ms / 1000
+        self._patience_s = self.cycles * self._period_s[:, None]
+        self._dark_s = np.zeros((robots, robots))  # for which each has had each in view without a flash
+        self._suspects: BoolArray = np.zeros((robots, robots), bool)
+        self._faults: IntArray = np.zeros(robots, np.int64)  # that keep a robot from flashing, at present
+
+    def stretch(self, stretch: Any, _: Any) -> None:
+        views = stretch.views
+        rows = rows_of_steps(views, stretch)
+        begun = np.zeros_like(self._suspects)
+        step = 0
+        while step < len(stretch.poses):
+            # who is suspected already when a fault begins is found in its first step, which is watched by itself
+            last = step + 1
+            if not self._note_faults(stretch.first + step):  # up to the next fault
+                later = (event.step - stretch.first for event in self.simulation.events[self._events :])
+                last = int(min([*later, len(stretch.poses)]))
+            # fmt: off
+            end = watch(
+                self._dark_s, self._suspects, begun, self._patience_s, self._step_s,
+                views, rows, stretch.ring_before, step, last,
+            )
+            # fmt: on
+            self.take(begun, (stretch.first + end - 1) * self.simulation.step_s, end - step)
+            step = end
+
+    def _note_faults(self, step: int) -> bool:
+        """Return whether faults begin or end in a step."""
+        events = [event for event in self.simulation.events[self._events :] if event.step <= step]
+        for event in events:
+            kind, _, change = event.what.partition(" ")
+            if kind in FLASHLESS:
+                self._faults[list(event.robots)] += 1 if change == "begins" else -1
+        self._events += len(events)
+        return bool(events)
+
+    def take(self, begun: BoolArray, time_s: float, steps: int) -> None:
+        """Take note of steps up to a time, and of (robots, robots) suspicions that begin in the last of them."""
+        raise NotImplementedError
+
+
+@jit
+def watch(
+    dark_s: FloatArray,
+    suspects: BoolArray,
+    begun: BoolArray,
+    patience_s: FloatArray,
+    step_s: float,
+    views: IntArray,
+    ends: IntArray,
+    is_lit: BoolArray,
+    first: int,
+    end: int,
+) -> int:
+    """Have robots watch those in their view, from step `first` to one in which a suspicion begins or that before `end`.
+
+    Changes the time, (robots, robots) s, for which each has had each in view without a flash, who suspects whom, and
+    whose suspicion of whom begins in the last of the steps; patience is (robots, 1) s. Views are those of a `Stretch`,
+    with (steps + 1,) rows from which on each step's are, and (steps, robots) the rings that show lit. Returns the step
+    after the last of the steps.
+    """
+    begun[:] = False
+    for step in range(first, end):
+        is_any = False
+        for row in range(ends[step], ends[step + 1]):
+            robot, other = views[row, 1], views[row, 2]
+            dark_s[robot, other] = 0.0 if is_lit[step, other] else dark_s[robot, other] + step_s
+            is_suspect = dark_s[robot, other] >= patience_s[robot, 0] - HALF_A_MILLISECOND
+            if is_suspect and not suspects[robot, other]:
+                begun[robot, other] = is_any = True
+            suspects[robot, other] = is_suspect
+        if is_any:
+            return step + 1
+    return end
+
+
+class DetectionDelay(_Suspicion):
+    """Periods from when a robot ceases to flash until another suspects it, mean over all that do (robots)."""
+
+    UNIT = "cycles"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._since_s, self._delay = np.full((2, len(self._period_s)), np.nan)
+
+    def take(self, _: BoolArray, time_s: float, steps: int) -> None:  # noqa: ARG002 are for the other
+        """Note who has ceased to flash, and who of them is suspected for the first time."""
+        self._since_s[(self._faults > 0) & np.isnan(self._since_s)] = time_s
+        found = (self._faults > 0) & self._suspects.any(axis=0) & np.isnan(self._delay)
+        self._delay[found] = (time_s - self._since_s[found]) / self._period_s[found]
+
+    def value(self) -> float | None:
+        """Return the mean; None if nobody ceased to flash, or one of them was never suspected."""
+        delays = self._delay[~np.isnan(self._since_s)]
+        return None if not len(delays) or np.isnan(delays).any() else float(delays.mean())
+
+
+class FalseAlarms(_Suspicion):
+    """Suspicions of robots that flash, of each robot in an hour (robots)."""
+
+    UNIT = "1/h"
+    _alarms, _steps = 0, 0
+
+    def take(self, begun: BoolArray, _: float, steps: int) -> None:
+        self._alarms += int(begun[:, self._faults == 0].sum())
+        self._steps += steps
+
+    def value(self) -> float | None:
+        """Return the mean number; None before the first step."""
+        return share(self._alarms / len(self._faults), self._steps * self._step_s / 3600)

@@ -10,7 +10,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, Estimate
-from epuck_sim.measures.interface import Value
+from epuck_sim.measures.measure import Value
 from epuck_sim.replication import criteria
 from epuck_sim.replication.claims import FORMULAS, TESTS, Check, Claim, Values
 from epuck_sim.replication.criteria import Effect

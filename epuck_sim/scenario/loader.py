@@ -118,7 +118,7 @@ def load_scenario(
         settings: Changes as `key=value`; later ones win. A key is dotted, `robots.0.parameters.speed_cm_s=1`, or the
             ending of one, `speed_cm_s=1`; one that is the same in several groups of robots stands for all of them.
         axes: Axes for the grid of the scenario's sweep as `key=value,value,...`, or `key=FROM:TO:NUMBER`.
-        measures: Names of measures, added to the scenario's own; see `measures.loader.find_measure`.
+        measures: Names of measures, added to the scenario's own; see `measures.measure.find_measure`.
         controller: A shipped controller, or a file, relative to the working directory, that runs on all robots instead
             of the scenario's own. Their parameters and memory are kept where it has them; a warning names the others.
         quick: Take the quick version, which the file has under `quick`.

@@ -24,7 +24,7 @@ class Scenario(ConfigModel):
     """Everything on which a trial depends, except its seed."""
 
     event_method: ClassVar[str] = "event"
-    """Name of the method by which a measure is told of every event (`measures.interface.EVENT_METHODS`)."""
+    """Name of the method by which a measure is told of every event (`measures.measure.EVENT_METHODS`)."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
     """Name in tables and figures; by default that of the file."""

@@ -10,8 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_serializer, model_validator
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.measures.interface import CYCLE_METHOD, Measure
-from epuck_sim.measures.loader import find_measure
+from epuck_sim.measures.measure import CYCLE_METHOD, Measure, find_measure
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, refused_at
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -132,7 +131,7 @@ class MeasureSection(ConfigModel):
         return {self.measure: self.parameters if self.shown_as is None else {AS: self.shown_as, **self.parameters}}
 
     def find(self, folder: Path | None = None) -> Measure:
-        """Return the measure, with the name of its value in results; see `measures.loader.find_measure`."""
+        """Return the measure, with the name of its value in results; see `measures.measure.find_measure`."""
         measure = find_measure(self.measure, folder)
         return measure if self.shown_as is None else replace(measure, name=self.shown_as)
 

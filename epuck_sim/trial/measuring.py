@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from epuck_sim.errors import MeasureError
-from epuck_sim.measures.interface import CYCLE_METHOD, STRETCH_METHOD, Measure, Scalar, Value
+from epuck_sim.measures.measure import CYCLE_METHOD, STRETCH_METHOD, Measure, Scalar, Value
 from epuck_sim.scenario.changes import ScheduleEntry, condition_key
 from epuck_sim.scenario.scenario import STOP, Scenario
 from epuck_sim.scenario.stop import Condition

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from epuck_sim.measures.interface import Value
+from epuck_sim.measures.measure import Value
 from epuck_sim.order_parameter import Firing
 from epuck_sim.scenario.changes import TrialEvent
 

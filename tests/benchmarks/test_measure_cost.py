@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.measures.loader import SHIPPED
+from epuck_sim.measures.measure import SHIPPED
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial, simulate

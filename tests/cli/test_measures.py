@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from epuck_sim.measures.loader import SHIPPED, find_measure
+from epuck_sim.measures.measure import SHIPPED, find_measure
 from tests.cli.commands import call, called, read, refused
 from tests.measures.files import COUNTER, write
 from tests.runs.made_folders import COUNT, SPEED, rows, store_measured, sweep

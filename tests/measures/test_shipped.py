@@ -11,11 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import ParticleSimulation, load_scenario, points
-from epuck_sim.measures.clusters import cluster_numbers, surviving_clusters
-from epuck_sim.measures.loader import SHIPPED, find_measure
+from epuck_sim.measures.measure import SHIPPED, find_measure
 from epuck_sim.measures.motion import Moved, correlation_time
-from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
 from epuck_sim.measures.perturbations import growth_rates, mean_with_interval
+from epuck_sim.measures.synchrony import (
+    BelowThreshold,
+    StaysAbove,
+    ThresholdCycles,
+    cluster_numbers,
+    surviving_clusters,
+)
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.compatibility import stored_point

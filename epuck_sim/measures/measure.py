@@ -1,0 +1,212 @@
+"""What a measure is, and how it is found: shipped and installed ones by name, users' as FILE.py:NAME, or as FILE.py.
+
+A measure is a small class, or a function, that is told of a trial and returns one value at its end. docs/measures.md
+has its methods and attributes. A measure is told of what it has methods for; without any but `cycle` and `value`,
+compiled code runs from one cycle to the next.
+"""
+
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from epuck_sim.control.names import check_draws
+from epuck_sim.errors import MeasureError
+from epuck_sim.user_files import Kind, Place, PythonFile, kept, load_python_file, run_check, typed, with_defaults
+from epuck_sim.util.messages import comma_list, did_you_mean, nearest_name, short_repr
+
+Parameter = bool | int | float | str  # value of a parameter of a measure
+Scalar = bool | int | float | None  # a number, a truth value, or None where it is undetermined
+Value = Scalar | list[Scalar]  # value of a measure: one, or a series with one for each cycle
+
+STEP_METHOD, STRETCH_METHOD = "step", "stretch"
+"""Methods that are told of control steps of robots: of each, and of many in a row at once."""
+
+EVENT_METHODS = {STEP_METHOD: "every control step of robots", "event": "every event of point agents"}
+"""Methods that are called after every event of a trial, and what they are told of."""
+
+CYCLE_METHOD = "cycle"  # method that is called after every firing of the reference
+
+CALLED = (*EVENT_METHODS, STRETCH_METHOD, CYCLE_METHOD, "value", "check", "check_scenario")
+"""Methods that are called where a measure has them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """A measure as it was found."""
+
+    name: str  # name of its value in results
+    stored_name: str
+    """Name by which it is found again: of a shipped or installed one, or a file's path, a colon and a name in it."""
+    make: Callable[..., Any]  # the class or function
+    parameters: Mapping[str, Parameter]  # name and default of each parameter
+    sources: Mapping[Path, bytes]
+    """Contents of every file that a user's measure comes from, at the time of loading; empty for a shipped one."""
+    unit: str = ""  # unit of its value, which figures name; empty if it has none
+
+    @property
+    def is_function(self) -> bool:
+        """Whether it is a function, which is called at the end alone."""
+        return not inspect.isclass(self.make)
+
+    def is_told(self, method: str) -> bool:
+        """Return whether it has a method of this name, or one in its place, to be told by."""
+        return not self.is_function and hasattr(self.make, self.told_by(method))
+
+    def told_by(self, method: str) -> str:
+        """Return the name of the method by which it is told: of steps, that of stretches if it has it."""
+        in_place = method == STEP_METHOD and hasattr(self.make, STRETCH_METHOD)
+        return STRETCH_METHOD if in_place else method
+
+    def check_model(self, model: str, event_method: str) -> None:
+        """Raise ValueError if it cannot measure trials of a model."""
+        models = getattr(self.make, "MODELS", None)
+        if models is not None:
+            if model not in models:
+                raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
+            return
+        methods = [method for method in EVENT_METHODS if self.is_told(method)]
+        if methods and event_method not in methods:
+            raise ValueError(
+                f"{self.name} asks for {EVENT_METHODS[methods[0]]}, by its method {methods[0]}; model: {model} tells "
+                f"of {EVENT_METHODS[event_method]}, by {event_method}"
+            )
+
+    def check_scenario(self, scenario: Any, parameters: Mapping[str, Parameter]) -> None:
+        """Raise ValueError if it cannot measure trials of a scenario, which has everything filled in, with these."""
+        check = getattr(self.make, "check_scenario", None)
+        if check is not None:
+            check(scenario, SimpleNamespace(**parameters))
+
+    def resolve(self, given: Mapping[str, object]) -> dict[str, Parameter]:
+        """Return every parameter with its given value or its default."""
+        values = with_defaults(self.name, given, self.parameters)
+        run_check(getattr(self.make, "check", None), values, self.sources)
+        return values
+
+
+def default_parameters(make: Callable[..., Any]) -> dict[str, Parameter]:
+    """Return the parameters of a class or function, all that it takes after the simulation, and their defaults."""
+    try:
+        first, *others = inspect.signature(make).parameters.values()
+    except (TypeError, ValueError):
+        raise ValueError("takes nothing; a measure takes the simulation, and its parameters as keywords") from None
+    if first.kind not in (first.POSITIONAL_ONLY, first.POSITIONAL_OR_KEYWORD):
+        raise ValueError(f"takes {first} first; a measure takes the simulation, and its parameters as keywords")
+    parameters: dict[str, Parameter] = {}
+    for parameter in others:
+        default = parameter.default
+        if not isinstance(default, Parameter) or parameter.kind == parameter.POSITIONAL_ONLY:
+            raise ValueError(
+                f"has a parameter {parameter}; allowed: keywords whose default is a number, true or false, or text"
+            )
+        parameters[parameter.name] = typed(parameter.name, default, default)
+    return parameters
+
+
+_BY_MODULE = {
+    "consensus": "consensus words",
+    "flashes": "detection_delay false_alarms flashes_missed flashes_repeated flashes_seen",
+    "links": "component_count degree isolated largest_component link_life neighbour_change spanning_time",
+    "memory": "memory",
+    "motion": "avoiding coverage density in_contact mean_speed mean_squared_displacement moved near_walls "
+    "velocity_correlation_time",
+    "perturbations": "perturbation perturbation_exponent perturbation_growth perturbation_transient",
+    "synchrony": "below_threshold cluster_count cluster_life largest_cluster order_parameter stays_above "
+    "threshold_cycles",
+}
+
+SHIPPED = {name: module for module, names in _BY_MODULE.items() for name in names.split()}
+"""Module of each shipped measure, by its name, which is that of its class: `link_life` is `LinkLife`."""
+
+MEASURE = Kind(
+    noun="measure",
+    error=MeasureError,
+    suffixes=(".py",),
+    group="epuck_sim.measures",
+    shipped=lambda: dict.fromkeys(sorted(SHIPPED)),
+    form="FILE.py:NAME",
+)
+"""What measures are found by."""
+
+
+def find_measure(name: str, folder: Path | None = None) -> Measure:
+    """Return a measure."""
+    file, _, member = name.rpartition(":") if ":" in name and not name.endswith(".py") else (name, "", "")
+    place = MEASURE.locate(file, folder)
+    if place.path is not None:
+        return _measure_in(_load(place), place, member)
+    if member:
+        raise MeasureError(f"{name!r} names no file; give FILE.py:NAME, or FILE.py")
+    return _shipped_measure(place.name)
+
+
+@cache
+def _shipped_measure(name: str) -> Measure:
+    make = getattr(import_module(f"epuck_sim.measures.{SHIPPED[name]}"), name.title().replace("_", ""))
+    return Measure(name, name, make, default_parameters(make), {}, getattr(make, "UNIT", ""))
+
+
+@kept
+def _load(place: Place) -> PythonFile:
+    file = load_python_file(place, MeasureError)
+    check_draws(file, "draw from numpy.random.default_rng(simulation.seed)")
+    return file
+
+
+def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
+    """Return the measure of this name in a file, or its only one, under the name by which a package offers it.
+
+    A file holds its classes with a method `value`, or else its public functions; others are given by name.
+    """
+    own = {
+        name: value
+        for name, value in file.parts.items()
+        if not name.startswith("_") and getattr(value, "__module__", None) == file.path.stem
+    }
+    classes = {name: value for name, value in own.items() if inspect.isclass(value) and hasattr(value, "value")}
+    functions = {name: value for name, value in own.items() if inspect.isfunction(value)}
+    found = classes or functions
+    known = found | {name: value for name, value in functions.items() if inspect.signature(value).parameters}
+    chosen = member
+    if not member:
+        if len(found) != 1:
+            raise MeasureError(f"{file.path}: holds {comma_list(known)}; give one of them as {file.path.name}:NAME")
+        (chosen,) = found
+    if chosen not in file.parts:
+        raise MeasureError(f"{file.path}: {did_you_mean(chosen, known)}; it holds {comma_list(known)}")
+    make = file.parts[chosen]
+    if not callable(make):
+        raise file.refusal(chosen, f"{chosen} is {short_repr(make)}; a measure is a class or a function")
+    if inspect.isclass(make):
+        _check_methods(make, file)
+    try:
+        parameters = default_parameters(make)
+    except ValueError as error:
+        raise file.refusal(chosen, f"{chosen} {error}") from error
+    unit = getattr(make, "UNIT", file.parts.get("UNIT", ""))
+    if not isinstance(unit, str):
+        raise file.refusal("UNIT", f"{chosen} has UNIT = {short_repr(unit)}; a unit is text")
+    stored = place.name if not member and place.package else f"{place.name}:{chosen}"
+    return Measure(place.name if stored == place.name else chosen, stored, make, parameters, file.sources, unit)
+
+
+def _check_methods(make: type, file: PythonFile) -> None:
+    """Raise MeasureError for a class without `value`, or with what looks like a method that trials call and is none."""
+    name = make.__name__
+    if not callable(getattr(make, "value", None)):
+        raise file.refusal(name, f"{name} has no method value(self), which returns what was measured")
+    for method, function in vars(make).items():
+        if not inspect.isfunction(function) or method.startswith("_") or method in CALLED:
+            continue
+        looks_so = nearest_name(method, CALLED) or len(inspect.signature(function).parameters) == 3
+        use = re.compile(rf"\b(self|{name})\.{method}\b".encode())  # `state.cycles` is no use of a method cycles
+        if looks_so and not any(map(use.search, file.sources.values())):
+            where = f"{file.path}:{function.__code__.co_firstlineno}: {name}"
+            said = f"nothing calls {method}: {did_you_mean(method, [*CALLED])}; trials call {', '.join(CALLED)}"
+            raise MeasureError(f"{where}: {said}")
