@@ -14,11 +14,9 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents, StartSection
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.theory.graph import GraphMeasures, count_components, measure_graphs
-from epuck_sim.theory.limits import find_limit
-from epuck_sim.theory.pair import Pair, measure_pair
+from epuck_sim.theory.limits import Pair, find_limit, measure_pair
 from epuck_sim.theory.regime import IN_LIMITS, Rise, Verdict, find_course, find_rise, judge, time_at
-from epuck_sim.theory.snapshots import changed_links, take_snapshots
+from epuck_sim.theory.snapshots import GraphMeasures, changed_links, count_components, measure_graphs, take_snapshots
 
 SNAPSHOTS, CELLS = 400, 2_000_000  # largest number of snapshots, and of pairs of agents in all of them
 MOST_AGENTS = 300  # largest swarm of which predictions are made: snapshots are matrices

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,16 @@ import numpy.typing as npt
 from epuck_sim.arrays import FloatArray
 from epuck_sim.elementary import sin_cos
 from epuck_sim.embodied.history import MOST_STEPS
+from epuck_sim.embodied.observers import make_scene
+from epuck_sim.embodied.placement import draw_places, put_at_given_poses
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.start import draw_start
 from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.swarm import poses_of
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.order_parameter import METRICS, Firing, from_reference, reference_order_parameter
 from epuck_sim.scenario.changes import TrialEvent
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
@@ -204,6 +209,18 @@ def run_robots(
         wall_s=time.perf_counter() - began,
         events=tuple(simulation.events),
     )
+
+
+def start_poses(scenario: EmbodiedScenario, seeds: Iterable[int]) -> FloatArray:
+    """Return (seeds, robots, 3) cm, cm, rad: poses at the start of trials; raise ScenarioError if there is no room."""
+    scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
+    poses = []
+    for seed in seeds:
+        draw_start(scene.block, seed)
+        put_at_given_poses(scene.swarm, scenario)
+        draw_places(scene.block, scenario)
+        poses.append(poses_of(scene.swarm.robots).copy())
+    return np.array(poses)
 
 
 def start_like(robots: Scenario | str | Path | Mapping[str, Any], seed: int) -> dict[str, Any]:

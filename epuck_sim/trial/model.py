@@ -61,16 +61,10 @@ def _run_robots(*given: Any) -> TrialResult:
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
-    if _has_room(scenario):  # which needs no compiled code
-        return
-    from epuck_sim.embodied.observers import make_scene
-    from epuck_sim.embodied.placement import draw_places, put_at_given_poses
-    from epuck_sim.embodied.start import draw_start
+    if not _has_room(scenario):  # which needs no compiled code
+        from epuck_sim.trial.embodied import start_poses
 
-    scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
-    draw_start(scene.block, scenario.seed)
-    put_at_given_poses(scene.swarm, scenario)
-    draw_places(scene.block, scenario)
+        start_poses(scenario, [scenario.seed])
 
 
 def _has_room(scenario: EmbodiedScenario) -> bool:

@@ -12,12 +12,10 @@ from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_trial
 from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response
-from epuck_sim.theory.graph import count_components, measure_graphs
-from epuck_sim.theory.limits import Limit, find_limit
-from epuck_sim.theory.pair import measure_pair
+from epuck_sim.theory.limits import Limit, find_limit, measure_pair
 from epuck_sim.theory.predict import predict, predict_points
 from epuck_sim.theory.regime import Course, find_rise, judge, time_at
-from epuck_sim.theory.snapshots import changed_links, take_snapshots
+from epuck_sim.theory.snapshots import changed_links, count_components, measure_graphs, take_snapshots
 from tests.cli.commands import called, read
 
 graphs = (
