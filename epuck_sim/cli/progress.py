@@ -19,8 +19,7 @@ from epuck_sim.runs.records import SweepProgress
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.stop import StopSection
 from epuck_sim.sweep.worker import AtWork, never_returned
-from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch
-from epuck_sim.trial.result import TrialState
+from epuck_sim.trial.result import WINDOW, HopelessnessWatch, TrialState
 from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # films are a neighbour
@@ -141,7 +140,7 @@ class TrialProgress(_ProgressLine):
     def _tell_of_hopelessness(self, order: float) -> None:
         said = "ends at its limit: one oscillator has none to synchronise with"
         if not self._is_alone:
-            found = f"over {CYCLES} cycles the order parameter, {order:.2f}, is that of random phases or stands still"
+            found = f"over {WINDOW} cycles the order parameter, {order:.2f}, is that of random phases or stands still"
             said = f"looks hopeless: {found}"
         print_stderr(f"trial {self._trial + 1} of {self._trials} {said}; sooner: --set stop.max_cycles={FEWER_CYCLES}")
 

@@ -3,7 +3,6 @@
 May import: the embodied simulation and what it may import. The fixture of pytest is in `epuck_sim.pytest_plugin`.
 """
 
-from epuck_sim.testing.robot import TestRobot
-from epuck_sim.testing.scenes import facing_robot, facing_wall
+from epuck_sim.testing.robot import TestRobot, facing_robot, facing_wall
 
 __all__ = ["TestRobot", "facing_robot", "facing_wall"]

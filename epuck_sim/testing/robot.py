@@ -1,5 +1,6 @@
-"""One robot under its controller, with sensors that a test sets."""
+"""One robot under its controller: with sensors that a test sets, or in a scene of the simulator, without noise."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
@@ -14,8 +15,9 @@ from epuck_sim.control.names import unknown_name
 from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.own import assign_sense, readings_of
 from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
+from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import make_block, open_block
-from epuck_sim.epuck import OUT_OF_RANGE_MM
+from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import whole
 from epuck_sim.util.seeds import robot_streams
@@ -30,6 +32,8 @@ ALLOWED = {
     "step_ms": (1, 1e6),
 }
 """Least and greatest values that a robot can sense."""
+
+SIDE_CM = 100.0  # side of the arena of scenes
 
 
 class _Field(Generic[T]):
@@ -218,3 +222,63 @@ class Record:
         if name not in self._values:
             raise AttributeError(unknown_name(self._kind, name, list(self._values)))
         return self._values[name]
+
+
+# --- scenes --------------------------------------------------------------------------------------------
+
+
+def facing_wall(
+    controller: str | Path, gap_cm: float = 5.0, *, seed: int = 0, interpret: bool = True, **parameters: Value
+) -> Simulation:
+    """Return a simulation of robot 0 that looks at a wall.
+
+    Args:
+        controller: A shipped controller's name, or a file, relative to the working directory.
+        gap_cm: Distance between its body and the wall, above 0.
+        seed: Seed of the trial.
+        interpret: Whether the controller runs as plain Python.
+        parameters: The controller's parameters.
+
+    >>> facing_wall("obstacle_avoidance", gap_cm=1).advance(2).wheels_cm_s[0]
+    array([ 12.8, -12.8])
+    """
+    pose = (SIDE_CM - RADIUS_CM - gap_cm, SIDE_CM / 2, 0.0)
+    return _simulation([_group(controller, pose, parameters)], seed, interpret=interpret)
+
+
+def facing_robot(
+    controller: str | Path,
+    gap_cm: float = 20.0,
+    *,
+    lit: bool = True,
+    seed: int = 0,
+    interpret: bool = True,
+    **parameters: Value,
+) -> Simulation:
+    """Return a simulation of robot 0 that looks at robot 1, which stands still.
+
+    Args:
+        controller: A shipped controller's name, or a file, relative to the working directory.
+        gap_cm: Distance between their bodies, above 0.
+        lit: Whether the ring of robot 1 is lit; robot 0 sees it from the second step on.
+        seed: Seed of the trial.
+        interpret: Whether controllers run as plain Python.
+        parameters: The parameters of robot 0's controller.
+
+    >>> int(facing_robot("oscillator", gap_cm=10).advance(2).camera[0].sum()) > 10
+    True
+    """
+    middle, apart = SIDE_CM / 2, gap_cm + 2 * RADIUS_CM
+    other = _group("constant", (middle + apart / 2, middle, math.pi), {"ring_on": lit})
+    return _simulation(
+        [_group(controller, (middle - apart / 2, middle, 0.0), parameters), other], seed, interpret=interpret
+    )
+
+
+def _group(controller: str | Path, pose: tuple[float, float, float], parameters: dict[str, Value]) -> dict[str, object]:
+    return {"controller": str(controller), "poses": [pose], "parameters": parameters}
+
+
+def _simulation(groups: list[dict[str, object]], seed: int, *, interpret: bool) -> Simulation:
+    arena = {"width_cm": SIDE_CM, "height_cm": SIDE_CM}
+    return Simulation({"name": "scene", "arena": arena, "noise": "off", "robots": groups}, seed, interpret=interpret)

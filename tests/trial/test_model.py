@@ -21,9 +21,15 @@ from epuck_sim.scenario.stop import StopSection
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.trial import particles
-from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch, _of_random_phases, is_hopeless
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate
-from epuck_sim.trial.result import TrialResult, TrialState
+from epuck_sim.trial.result import (
+    WINDOW,
+    HopelessnessWatch,
+    TrialResult,
+    TrialState,
+    _of_random_phases,
+    is_hopeless,
+)
 from tests.particles.simulations import KINDS, any_sections, make_resting, make_simulation
 from tests.trial import without_wall
 
@@ -144,14 +150,14 @@ def test_the_order_of_random_phases_is_that_of_phases_drawn_at_random(metric: st
 
 
 def test_what_comes_closer_to_synchrony_is_not_hopeless_and_what_stands_still_is() -> None:
-    nearer = 1 - 0.5 * 0.99 ** np.arange(CYCLES)
+    nearer = 1 - 0.5 * 0.99 ** np.arange(WINDOW)
     assert not is_hopeless(nearer, 10)
     assert not is_hopeless(1 - 1e-7 * (1 - nearer), 10)  # however near it is
-    assert is_hopeless(np.full(CYCLES, 0.7), 10)
-    assert is_hopeless(np.ones(CYCLES), 1)  # one oscillator alone
+    assert is_hopeless(np.full(WINDOW, 0.7), 10)
+    assert is_hopeless(np.ones(WINDOW), 1)  # one oscillator alone
     threshold, deviation = _of_random_phases(10, "complex")
-    threshold += 3.0902 * deviation / math.sqrt(CYCLES)
-    swing = 0.1 * (-1.0) ** np.arange(CYCLES)
+    threshold += 3.0902 * deviation / math.sqrt(WINDOW)
+    swing = 0.1 * (-1.0) ** np.arange(WINDOW)
     assert is_hopeless(threshold - 0.001 + swing, 10)
     assert not is_hopeless(threshold + 0.001 + swing, 10)
 
@@ -168,10 +174,10 @@ def told(orders: list[float], **state: object) -> list[tuple[int, float]]:
 
 
 def test_a_hopeless_trial_is_told_of_once_from_cycles_on_that_are_enough() -> None:
-    assert told([0.2] * (CYCLES - 1)) == []
-    assert told([0.2] * 5 * CYCLES) == [(CYCLES, pytest.approx(0.2))]
-    assert told([0.9, 0.7] * CYCLES + [0.2] * 5 * CYCLES) == [(3 * CYCLES, pytest.approx(0.2))]
-    assert told([None] * 5 + [0.2] * CYCLES) == [(CYCLES + 5, pytest.approx(0.2))]
+    assert told([0.2] * (WINDOW - 1)) == []
+    assert told([0.2] * 5 * WINDOW) == [(WINDOW, pytest.approx(0.2))]
+    assert told([0.9, 0.7] * WINDOW + [0.2] * 5 * WINDOW) == [(3 * WINDOW, pytest.approx(0.2))]
+    assert told([None] * 5 + [0.2] * WINDOW) == [(WINDOW + 5, pytest.approx(0.2))]
 
 
 def test_robots_that_are_hardly_coupled_are_hopeless() -> None:
