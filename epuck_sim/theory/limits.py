@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.estimate import Estimate
+from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.particles.phase_response import Response, phase_shift
 from epuck_sim.statistics.statistic import QUANTILE
 from epuck_sim.theory.snapshots import share
@@ -74,6 +74,7 @@ def _log(factor: float) -> float:
 class Limit(NamedTuple):
     """T_sync in a limit."""
 
+    hold: float  # cycles for which links stay: 0 if they are new at each instant, infinite if they are never renewed
     cycles: Estimate
     """Mean T_sync; NaN if no chain has ended. Where some are censored, times are taken to be exponential."""
     ended: Estimate  # share of chains that have ended before they were censored
@@ -88,12 +89,9 @@ def find_limit(
     jitter: float = 0.0,
     chains: int = CHAINS,
 ) -> Limit:
-    """Return T_sync of a swarm on its snapshots, (snapshots, agents, agents): sender, receiver.
-
-    Links are those of a snapshot for `hold` cycles: 0 if they are new at each instant, infinite if they stay.
-    """
+    """Return T_sync on snapshots of a swarm, (snapshots, agents, agents): sender, receiver; for `hold` see `Limit`."""
     if not len(snapshots):
-        return Limit(Estimate(math.nan), Estimate(0.0))
+        return Limit(hold, UNDETERMINED, Estimate(0.0))
     random, agents = np.random.default_rng(0), snapshots.shape[1]
     counts = snapshots.sum(2)
     receivers = np.argsort(~snapshots, axis=2, kind="stable")[:, :, : counts.max()]
@@ -115,11 +113,11 @@ def find_limit(
     count = sum(has_ended)
     ended_share = share(np.array(has_ended, np.bool_))
     if not count:
-        return Limit(Estimate(math.nan), ended_share, sum(times))
+        return Limit(hold, UNDETERMINED, ended_share, sum(times))
     value = sum(times) / count
     spread = float(np.std(times, ddof=1)) / value if len(times) == count > 1 else 1.0
     factor = math.exp(QUANTILE * spread / math.sqrt(count))
-    return Limit(Estimate(value, value / factor, value * factor), ended_share, sum(times))
+    return Limit(hold, Estimate(value, value / factor, value * factor), ended_share, sum(times))
 
 
 @jit

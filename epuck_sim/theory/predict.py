@@ -124,7 +124,7 @@ def _predictor(scenario: Scenario) -> Callable[[float], Prediction]:
     snapshots = take_snapshots(scenario, max(20, min(SNAPSHOTS, CELLS // agents**2)))
     graph, pair = measure_graphs(snapshots), measure_pair(response, threshold)
     course = find_course(response, threshold, snapshots, jitter)
-    rise, fast = find_rise(course), course.limits[-1]
+    rise, fast = find_rise(course), course[-1]
     if isinstance(scenario, ParticleScenario) and isinstance(scenario.neighbourhood, RandomAgents):
         verdict, frozen, frozen_share, link_cm = Verdict("no", 0.0), fast, fast.ended, math.nan
         reason = "No regime: receivers are drawn anew for each pulse, at any speed."

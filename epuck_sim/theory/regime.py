@@ -9,6 +9,7 @@ frustrated there.
 """
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -35,13 +36,6 @@ HIDDEN, BEHIND_FALL = 0.3, 4.0
 YES, NO = 0.7, 0.3  # probability from which on the verdict is yes, and up to which it is no; open in between
 
 
-class Course(NamedTuple):
-    """T_sync over the hold."""
-
-    holds: tuple[float, ...]  # cycles, falling; the last is 0
-    limits: tuple[Limit, ...]  # T_sync with each of them
-
-
 class Rise(NamedTuple):
     """The rise of T_sync over the hold that is most certain."""
 
@@ -63,34 +57,35 @@ class Verdict(NamedTuple):
     probability: float
 
 
-def find_course(response: Response, threshold: float, snapshots: BoolArray, jitter: float) -> Course:
-    """Return T_sync over the hold, and at last in the fast limit."""
+def find_course(response: Response, threshold: float, snapshots: BoolArray, jitter: float) -> list[Limit]:
+    """Return T_sync with each hold, from the longest on, and at last in the fast limit."""
     slower = [find_limit(response, threshold, snapshots, hold, jitter) for hold in HOLDS]
-    return Course((*HOLDS, 0.0), (*slower, find_limit(response, threshold, snapshots, 0.0, jitter, IN_LIMITS)))
+    return [*slower, find_limit(response, threshold, snapshots, 0.0, jitter, IN_LIMITS)]
 
 
-def find_rise(course: Course) -> Rise:
+def find_rise(course: Sequence[Limit]) -> Rise:
     """Return the rise of a course that is most certain.
 
-    >>> slow, low, high = (Limit(Estimate(t, t / 1.1, t * 1.1), Estimate(1.0), t) for t in (50.0, 10.0, 40.0))
-    >>> find_rise(Course((4.0, 2.0, 1.0), (slow, low, high)))[2:]
-    (2.0, 1.0)
+    >>> times = {4: 50, 2: 10, 1: 40}
+    >>> find_rise([Limit(hold, Estimate(t, t / 1.1, t * 1.1), Estimate(1.0), t) for hold, t in times.items()])[2:]
+    (2, 1)
     """
-    known = [(hold, *_log(limit)) for hold, limit in zip(course.holds, course.limits, strict=True) if hold > 0]
+    known = [(limit, *_log(limit)) for limit in course if limit.hold > 0]
     rises = [(0.0, math.nan, math.nan)]
     for place, (peak, top, top_error) in enumerate(known):
-        for limit, (minimum, bottom, error) in zip(course.limits, known[:place], strict=False):
-            if not math.isnan(limit.cycles.value):
-                rises.append((top - bottom - math.hypot(top_error, error), minimum, peak))
-    log_ratio, minimum, peak = max(rises)
+        for minimum, bottom, error in known[:place]:
+            if not math.isnan(minimum.cycles.value):
+                rises.append((top - bottom - math.hypot(top_error, error), minimum.hold, peak.hold))
+    log_ratio, minimum_at, peak_at = max(rises)
     falls = [(0.0, math.nan)]
-    for (hold, top, top_error), (half, bottom, error) in pairwise(known):
-        if half >= 1:
-            falls.append((top - bottom - math.log(hold / half) - math.hypot(top_error, error), hold))
+    for (slower, top, top_error), (faster, bottom, error) in pairwise(known):
+        if faster.hold >= 1:
+            halved = math.log(slower.hold / faster.hold)
+            falls.append((top - bottom - halved - math.hypot(top_error, error), slower.hold))
     excess, begin = max(falls)
     if log_ratio < HIDDEN:
-        minimum, peak = math.nan, BEHIND_FALL * begin
-    return Rise(log_ratio, excess, minimum, peak)
+        minimum_at, peak_at = math.nan, BEHIND_FALL * begin
+    return Rise(log_ratio, excess, minimum_at, peak_at)
 
 
 def judge(rise: Rise) -> Verdict:
@@ -100,15 +95,14 @@ def judge(rise: Rise) -> Verdict:
     return Verdict("yes" if probability >= YES else "no" if probability <= NO else "open", probability)
 
 
-def time_at(course: Course, hold: float) -> Estimate:
+def time_at(course: Sequence[Limit], hold: float) -> Estimate:
     """Return T_sync with a hold, between those of a course; that of the fast limit beyond its last."""
-    holds = [each for each in course.holds if each > 0]
-    rows = np.array([limit.cycles.ends for limit in course.limits[: len(holds)]])
-    if hold >= holds[0] and hold < math.inf:
-        return course.limits[0].cycles.apply(lambda cycles: cycles * hold / holds[0])
-    if hold < holds[-1]:
-        return course.limits[-1].cycles
-    place = -np.log(holds)
+    *slower, fast = course
+    if slower[0].hold <= hold < math.inf:
+        return slower[0].cycles.apply(lambda cycles: cycles * hold / slower[0].hold)
+    if hold < slower[-1].hold:
+        return fast.cycles
+    place, rows = -np.log([limit.hold for limit in slower]), np.array([limit.cycles.ends for limit in slower])
     value, low, high = (math.exp(np.interp(-math.log(hold), place, np.log(column))) for column in rows.T)
     return Estimate(value, low, high)
 

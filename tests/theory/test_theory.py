@@ -14,7 +14,7 @@ from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response
 from epuck_sim.theory.limits import Limit, find_limit, measure_pair
 from epuck_sim.theory.predict import predict, predict_points
-from epuck_sim.theory.regime import Course, find_rise, judge, time_at
+from epuck_sim.theory.regime import find_rise, judge, time_at
 from epuck_sim.theory.snapshots import changed_links, count_components, measure_graphs, take_snapshots
 from tests.cli.commands import called, read
 
@@ -142,19 +142,19 @@ def test_pairs_grow_and_meet_as_their_curve_says() -> None:
 
 
 def test_a_rise_is_from_a_slower_swarm_to_a_faster_one_and_decides_and_t_sync_lies_between_those_of_two_holds() -> None:
-    def limit(cycles: float, error: float = 1.05) -> Limit:
-        return Limit(Estimate(cycles, cycles / error, cycles * error), Estimate(1.0), cycles)
+    def limit(hold: float, cycles: float, error: float = 1.05) -> Limit:
+        return Limit(hold, Estimate(cycles, cycles / error, cycles * error), Estimate(1.0), cycles)
 
     holds = (8.0, 4.0, 2.0, 1.0, 0.0)
-    peaked = Course(holds, tuple(map(limit, (200.0, 20.0, 400.0, 30.0, 20.0))))
+    peaked = [*map(limit, holds, (200.0, 20.0, 400.0, 30.0, 20.0))]
     rise = find_rise(peaked)
     assert (rise.minimum, rise.peak) == (4.0, 2.0)
     assert rise.log_ratio == pytest.approx(math.log(20), abs=0.1)
-    falling = Course(holds, tuple(map(limit, (200.0, 80.0, 40.0, 30.0, 60.0))))
+    falling = [*map(limit, holds, (200.0, 80.0, 40.0, 30.0, 60.0))]
     assert find_rise(falling).log_ratio == 0  # that of the fast limit is none
     assert judge(rise).verdict == "yes"
     assert judge(find_rise(falling)).verdict == "no"
-    course = Course((8.0, 4.0, 0.0), tuple(map(limit, (100.0, 25.0, 10.0))))
+    course = [*map(limit, (8.0, 4.0, 0.0), (100.0, 25.0, 10.0))]
     assert time_at(course, math.sqrt(32)).value == pytest.approx(50)
     assert time_at(course, 16.0).value == pytest.approx(200)
     assert time_at(course, 1.0).value == 10
