@@ -25,7 +25,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.measuring import Conditions
+from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, OfStretches, Progress, TrialResult
 
 NOMINAL_PERIOD_S = 5.0  # length of a cycle, in seconds, if the reference is no oscillator (4.2.1)
@@ -166,11 +166,7 @@ class SynchronyWatch:
 
 
 def run_robots(
-    simulation: Simulation,
-    observers: Sequence[Observer],
-    progress: Progress | None,
-    at_cycles: Sequence[Observer],
-    conditions: Conditions,
+    simulation: Simulation, observers: Sequence[Observer], progress: Progress | None, measuring: Measuring
 ) -> TrialResult:
     """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
@@ -182,8 +178,8 @@ def run_robots(
     in_stretches = [isinstance(observer, OfStretches) for observer in observers]
     sees_all, sees_stretches = not all(in_stretches), any(in_stretches)
     began = time.perf_counter()
-    while not (watch.is_over or conditions.is_over()):
-        conditions.carry_out(watch, simulation.carry_out_scheduled)
+    while not (watch.is_over or measuring.is_over()):
+        measuring.carry_out(watch, simulation.carry_out_scheduled)
         unseen = 1 if sees_all else min(watch.steps_left, MOST_STEPS)
         cycles = watch.cycles
         stretch = simulation.stretch(unseen) if sees_stretches else None
@@ -194,7 +190,7 @@ def run_robots(
         for observer, of_stretches in zip(observers, in_stretches, strict=True):
             observer(stretch if of_stretches else step, watch)
         if watch.cycles > cycles:
-            for observer in at_cycles:
+            for observer in measuring.at_cycles:
                 observer(step, watch)
     outcome = watch.outcome
     return TrialResult(

@@ -1,14 +1,14 @@
 """Tells measures of a trial while it runs, gathers their values, and carries out what waits for them or for a cycle."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
 from epuck_sim.errors import MeasureError
-from epuck_sim.measures.measure import CYCLE_METHOD, STRETCH_METHOD, Measure, Scalar, Value
+from epuck_sim.measures.measure import CYCLE_METHOD, STRETCH_METHOD, Measure, Parameter, Scalar, Value
 from epuck_sim.scenario.changes import ScheduleEntry, condition_key
 from epuck_sim.scenario.scenario import STOP, Scenario
 from epuck_sim.scenario.stop import Condition
@@ -37,17 +37,49 @@ class ConditionWatch:
         self.has_held = self.has_held or self._in_a_row >= self._needed
 
 
-class Conditions:
-    """What a trial waits for: the condition that ends it, and entries of its schedule without a time."""
+class Measuring:
+    """The measures of a trial, and what waits for one of them or for a cycle.
 
-    def __init__(self, scenario: Scenario) -> None:
+    That is the condition that ends the trial, and entries of its schedule without a time.
+    """
+
+    def __init__(self, simulation: Any) -> None:
+        """Make the measures of a fresh simulation that is about to run."""
+        scenario: Scenario = simulation.scenario
         schedule: Sequence[ScheduleEntry] = getattr(scenario, "schedule", ())
-        self.watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
+        self.at_events: list[Observer] = []  # tell the measures that ask for every event
+        self.at_cycles: list[Observer] = []  # tell the measures that ask for every firing of the reference
+        self._values: dict[str, Callable[[], Value]] = {}
+        self._watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
         self._entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
+        for section in scenario.measures:
+            self._begin(section.find(), section.parameters, simulation)
+        for watch in self._watches.values():
+            if watch.measure not in self._values:  # the order parameter, which every trial measures
+                self.at_cycles.append(partial(_look_at_order, watch))
+
+    def _begin(self, measure: Measure, parameters: Mapping[str, Parameter], simulation: Any) -> None:
+        origin = f"{simulation.scenario.name}: measure {measure.name}, seed {simulation.seed}"
+        make = partial(measure.make, simulation, **parameters)
+        if measure.is_function:
+            self._values[measure.name] = _checked(measure, origin, make, as_value)
+            return
+        instance = _call(measure, origin, make)
+        self._values[measure.name] = _checked(measure, origin, instance.value, as_value)
+        last = _checked(measure, origin, instance.value, last_scalar)
+        watches = [watch for watch in self._watches.values() if watch.measure == measure.name]
+        event_method = simulation.scenario.event_method
+        for method, observers in ((event_method, self.at_events), (CYCLE_METHOD, self.at_cycles)):
+            if measure.is_told(method):
+                tell: Observer = partial(_call, measure, origin, getattr(instance, measure.told_by(method)))
+                is_of_stretches = measure.told_by(method) == STRETCH_METHOD
+                observers.append(cast(Observer, OfStretches(tell)) if is_of_stretches else tell)
+                observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
+        self.at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
 
     def is_over(self) -> bool:
         """Return whether the condition that ends the trial has held, if there is one."""
-        return STOP in self.watches and self.watches[STOP].has_held
+        return STOP in self._watches and self._watches[STOP].has_held
 
     @property
     def next_cycle(self) -> int:
@@ -56,50 +88,15 @@ class Conditions:
 
     def carry_out(self, state: TrialState, carry_out: Callable[[int], None]) -> None:
         """Have entries carried out whose moment has come, by their numbers; to be called between two events."""
-        if not self._entries:
-            return
         for number, entry in list(self._entries.items()):
             by_cycle = entry.at_cycle is not None and state.cycles >= entry.at_cycle
-            if by_cycle or (entry.when is not None and self.watches[condition_key(number)].has_held):
+            if by_cycle or (entry.when is not None and self._watches[condition_key(number)].has_held):
                 carry_out(number)
                 del self._entries[number]
 
-
-class Measuring(NamedTuple):
-    """The measures of a trial that has not begun yet."""
-
-    at_events: list[Observer]  # tell the measures that ask for every event
-    at_cycles: list[Observer]  # tell the measures that ask for every firing of the reference
-    final: dict[str, Callable[[], Value]]  # returns the value of each measure, by its name, when the trial is over
-    conditions: Conditions
-
-
-def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
-    """Make the measures of a scenario, of which a fresh simulation, with a seed, is about to run."""
-    begun = Measuring([], [], {}, Conditions(scenario))
-    told = (scenario.event_method, begun.at_events), (CYCLE_METHOD, begun.at_cycles)
-    for section in scenario.measures:
-        measure = section.find()
-        origin = f"{scenario.name}: measure {measure.name}, seed {seed}"
-        make = partial(measure.make, simulation, **section.parameters)
-        if measure.is_function:
-            begun.final[measure.name] = _checked(measure, origin, make, as_value)
-            continue
-        instance = _call(measure, origin, make)
-        begun.final[measure.name] = _checked(measure, origin, instance.value, as_value)
-        last = _checked(measure, origin, instance.value, last_scalar)
-        watches = [watch for watch in begun.conditions.watches.values() if watch.measure == measure.name]
-        for method, observers in told:
-            if measure.is_told(method):
-                tell: Observer = partial(_call, measure, origin, getattr(instance, measure.told_by(method)))
-                is_of_stretches = measure.told_by(method) == STRETCH_METHOD
-                observers.append(cast(Observer, OfStretches(tell)) if is_of_stretches else tell)
-                observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
-        begun.at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
-    for watch in begun.conditions.watches.values():
-        if watch.measure not in begun.final:  # the order parameter, which every trial measures
-            begun.at_cycles.append(partial(_look_at_order, watch))
-    return begun
+    def values(self) -> dict[str, Value]:
+        """Return the value of each measure by its name; the trial must be over."""
+        return {name: value() for name, value in self._values.items()}
 
 
 def _look_at_order(watch: ConditionWatch, _: Any, state: TrialState) -> None:

@@ -17,7 +17,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import SCENARIO_TYPES
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.measuring import Conditions, begin_measures
+from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
 
 
@@ -39,9 +39,9 @@ class Model(NamedTuple):
     scenario: type[Scenario]
     simulate: Callable[[Any, int, bool], Simulated]
     """Returns a fresh simulation; takes the scenario, a seed, and whether to interpret controllers."""
-    run: Callable[[Any, Sequence[Observer], Progress | None, Sequence[Observer], Conditions], TrialResult]
-    """Returns the outcome of a trial; takes a fresh simulation, observers, what shows progress, further observers that
-    are called after firings of the reference alone, and the conditions that it waits for."""
+    run: Callable[[Any, Sequence[Observer], Progress | None, Measuring], TrialResult]
+    """Returns the outcome of a trial; takes a fresh simulation, observers, what shows progress, and measures: observers
+    that are called after firings of the reference alone, and conditions that the trial waits for."""
     check_room: Callable[[Any], None]  # raises ScenarioError for a scenario whose population finds no room
 
 
@@ -175,11 +175,10 @@ def run_trial(
     """
     if not isinstance(getattr(simulation, "scenario", None), Scenario):
         raise TypeError(f"a trial is of a simulation, such as Simulation('thesis', seed=1), not of {simulation!r}")
-    measuring = begin_measures(simulation, simulation.scenario, simulation.seed)
-    observers = (*observers, *measuring.at_events)
+    measuring = Measuring(simulation)
     run = MODELS[simulation.scenario.model].run
-    result = run(simulation, observers, progress, measuring.at_cycles, measuring.conditions)
-    return result._replace(measures={name: value() for name, value in measuring.final.items()})
+    result = run(simulation, (*observers, *measuring.at_events), progress, measuring)
+    return result._replace(measures=measuring.values())
 
 
 def check_room(scenario: Scenario) -> None:

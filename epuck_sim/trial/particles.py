@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.trial.measuring import Conditions
+from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
 
 SLICE_S = 0.02  # wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress
@@ -12,17 +12,13 @@ FIRST_SLICE = 100_000  # number of agents that pulses of the first slice may rea
 
 
 def run_agents(
-    simulation: ParticleSimulation,
-    observers: Sequence[Observer],
-    progress: Progress | None,
-    at_cycles: Sequence[Observer],
-    conditions: Conditions,
+    simulation: ParticleSimulation, observers: Sequence[Observer], progress: Progress | None, measuring: Measuring
 ) -> TrialResult:
     """Run a fresh simulation of point agents to the end of its trial; see `trial.model.Model.run`.
 
     Without observers, compiled code runs for about `SLICE_S` at a time, which is much quicker. A slice is a number of
-    pulses, whose cost hardly changes as the swarm synchronises; that of an instant, or of a period, does. With
-    `at_cycles`, a slice ends at the next firing of the reference; it ends where an entry of the schedule waits for one,
+    pulses, whose cost hardly changes as the swarm synchronises; that of an instant, or of a period, does. With measures
+    of cycles, a slice ends at the next firing of the reference; it ends where an entry of the schedule waits for one,
     too. A trial that ends at a time ends there exactly.
     """
     if simulation.instants:
@@ -42,10 +38,10 @@ def run_agents(
     cycles = simulation.cycles
 
     def has_ended() -> bool:
-        return simulation.is_synchronised or simulation.cycles >= limit or conditions.is_over()
+        return simulation.is_synchronised or simulation.cycles >= limit or measuring.is_over()
 
     while not has_ended():
-        conditions.carry_out(simulation, simulation.carry_out_scheduled)
+        measuring.carry_out(simulation, simulation.carry_out_scheduled)
         if simulation.next_firing > end and simulation.next_change > end:
             break
         if observers:
@@ -56,8 +52,8 @@ def run_agents(
         else:
             asked = time.perf_counter()
             # what shows progress is to see order parameters, which are measured at firings of the reference alone
-            is_one_cycle = bool(at_cycles) or (progress is not None and simulation.order_parameter is None)
-            last_cycle = cycles + 1 if is_one_cycle else min(limit, conditions.next_cycle)
+            is_one_cycle = bool(measuring.at_cycles) or (progress is not None and simulation.order_parameter is None)
+            last_cycle = cycles + 1 if is_one_cycle else min(limit, measuring.next_cycle)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
             now = simulation.cycles
@@ -66,7 +62,7 @@ def run_agents(
             elif took < SLICE_S / 2 and not (is_one_cycle and now > cycles):
                 pulses *= 2  # a slice that a firing has ended tells nothing of how long a whole one takes
         if now > cycles:
-            for observer in at_cycles:
+            for observer in measuring.at_cycles:
                 observer(simulation.last_instant(), simulation)
         cycles = now
         if progress is not None:

@@ -21,6 +21,7 @@ from epuck_sim.scenario.stop import StopSection
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.trial import particles
+from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate
 from epuck_sim.trial.result import (
     WINDOW,
@@ -319,11 +320,11 @@ class Dice:
         return Firing(self.cycles, self.order_parameter)
 
 
-def run(dice: Dice, observers: Any, _: Any, at_cycles: Any, conditions: Any) -> TrialResult:
-    while not (dice.is_synchronised or dice.cycles >= dice.scenario.stop.max_cycles or conditions.is_over()):
+def run(dice: Dice, observers: Any, _: Any, measuring: Measuring) -> TrialResult:
+    while not (dice.is_synchronised or dice.cycles >= dice.scenario.stop.max_cycles or measuring.is_over()):
         dice.cycles, dice.time_s = dice.cycles + 1, dice.time_s + 1.0
         dice.is_synchronised = bool(dice.random.random() < dice.scenario.chance)
-        for observer in (*observers, *at_cycles):
+        for observer in (*observers, *measuring.at_cycles):
             observer(dice.cycles, dice)
     t_sync = dice.cycles if dice.is_synchronised else None
     numbers = dice.cycles, None, dice.cycles, dice.time_s, 1e-3
