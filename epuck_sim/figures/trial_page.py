@@ -116,8 +116,7 @@ def _draw_order(axes: Axes, recorded: Recorded, population: Population) -> None:
 
 def draw_arena(axes: Axes, recorded: Recorded, population: Population) -> None:
     """Draw the last moment at which most rings were lit, and the paths that led there."""
-    rings = recorded.ring_on.sum(axis=1)
-    moment = int(np.flatnonzero(rings == rings.max())[-1])
+    moment = recorded.brightest_row
     begin = int(np.searchsorted(recorded.time_s, recorded.time_s[moment] - population.path_s))
     draw = _draw_floor if population.arena.height_cm > 0 else _draw_segment
     draw(axes, recorded, population, slice(begin, moment + 1))

@@ -91,6 +91,12 @@ class Recorded(NamedTuple):
         """See `Links`; swarms of 50 agents or more are recorded with the pulses alone that shift a phase."""
         return self._linked("pulses", "particles")
 
+    @property
+    def brightest_row(self) -> int:
+        """The last row in which most rings are lit."""
+        rings = self.ring_on.sum(axis=1)
+        return int(np.flatnonzero(rings == rings.max())[-1])
+
     def arena_at(self, row: int) -> Arena:
         """Return the arena with its walls, and with its movables where they are, in a row."""
         *_, stands = (arena for time_s, arena in self.arenas if time_s <= self.time_s[row])
@@ -118,8 +124,7 @@ class Recorded(NamedTuple):
         ]
         parts = [element("p", element("b", self.scenario.name), f", seed {self.seed}"), facts(rows)]
         if len(self.ring_on):
-            rings = self.ring_on.sum(axis=1)
-            moment = int(np.flatnonzero(rings == rings.max())[-1])
+            moment = self.brightest_row
             poses = np.column_stack([self.positions[moment], self.headings[moment]])
             parts.append(element("p", f"at {self.time_s[moment]:.2f} s:"))
             parts.append(draw_arena(self.arena_at(moment), poses, population.radii_cm, self.ring_on[moment]))
@@ -139,7 +144,10 @@ class Recorded(NamedTuple):
 class Entities:
     """The properties in a recording's file, and some of its entities."""
 
+    trial: dict[str, Any]  # the properties of its trial
+
     def __init__(self, path: Path, *entities: str) -> None:
+        """Read a file; raise RecordingError unless it is a complete recording of this format."""
         self._properties: dict[str, dict[str, Any]] = defaultdict(dict)
         self._batches: dict[str, list[pa.RecordBatch]] = defaultdict(list)
         for chunk in _read_chunks(path, ["/__properties/**", *entities]):
@@ -149,6 +157,14 @@ class Entities:
                 self._batches[chunk.entity_path].append(chunk.to_record_batch())
         for batches in self._batches.values():
             batches.sort(key=lambda batch: batch.column(TIMELINE)[0].value)
+        trial = self.properties(TRIAL)
+        if trial.get("format") != FORMAT:
+            made_by = format_versions(json.loads(trial.get("versions", "{}"))) or "an unknown version"
+            raise RecordingError(
+                f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version "
+                f"of epuck-sim reads format {FORMAT}"
+            )
+        self.trial = {**trial, "memory": json.loads(trial.get("memory", "[]"))}
 
     def properties(self, name: str) -> dict[str, Any]:
         """Return the values of a property by key; none if there is no such property."""
@@ -170,10 +186,13 @@ class Entities:
         """Return the texts of a component in all rows, one after the other."""
         return [text for column in self._columns(entity, component) for text in column.flatten().to_pylist()]
 
-    def lengths(self, entity: str, component: str) -> IntArray:
-        """Return (rows,) how many values a component has in each row."""
+    def rows(self, entity: str, component: str, row_count: int) -> IntArray:
+        """Return the row of each value of a component; raise ValueError unless the entity has so many rows."""
         counts = [pc.fill_null(pc.list_value_length(column), 0) for column in self._columns(entity, component)]
-        return np.concatenate([np.empty(0, np.int64), *(count.to_numpy() for count in counts)])
+        lengths = np.concatenate([np.empty(0, np.int64), *(count.to_numpy() for count in counts)])
+        if len(lengths) != row_count:
+            raise ValueError(f"{entity} is missing in some of {row_count} rows")
+        return np.repeat(np.arange(row_count), lengths)
 
     def _columns(self, entity: str, name: str) -> list[pa.Array]:
         return [batch.column(name) for batch in self._batches[entity]]
@@ -213,9 +232,7 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
 
 def last_moment_s(path: Path) -> float:
     """Return the time of a recording's last row in seconds, -1 if there is none; raise as `read_recording` does."""
-    entities = Entities(path, series.ORDER_AT_STEPS)
-    _trial_of(path, entities)
-    return float(entities.times(series.ORDER_AT_STEPS).max(initial=-1))
+    return float(Entities(path, series.ORDER_AT_STEPS).times(series.ORDER_AT_STEPS).max(initial=-1))
 
 
 def read_layout(path: Path) -> rrb.Blueprint | None:
@@ -223,7 +240,7 @@ def read_layout(path: Path) -> rrb.Blueprint | None:
 
     The layout is None if this version cannot read the scenario: then the viewer chooses one itself.
     """
-    trial = _trial_of(path, Entities(path))
+    trial = Entities(path).trial
     try:
         return layout_of(_scenario(trial), Level(trial["level"]), trial["memory"])
     except (ScenarioError, KeyError, ValueError):
@@ -238,9 +255,8 @@ def read_recording(path: Path | str) -> Recorded:
     """
     path = Path(path)
     entities = Entities(path, *_READ, f"{series.MEMORY}/**")
-    trial = _trial_of(path, entities)
     try:
-        return _gather(entities, trial, entities.properties(OUTCOME))
+        return _gather(entities)
     except ScenarioError as error:
         raise RecordingError(f"{path}: holds a scenario that this version cannot read: {error}") from error
     except (KeyError, ValueError) as error:
@@ -254,21 +270,10 @@ _READ = (
 )
 
 
-def _trial_of(path: Path, entities: Entities) -> dict[str, Any]:
-    """Return the properties of a recording's trial; raise RecordingError unless it is of this format."""
-    trial = entities.properties(TRIAL)
-    if trial.get("format") != FORMAT:
-        made_by = format_versions(json.loads(trial.get("versions", "{}"))) or "an unknown version"
-        raise RecordingError(
-            f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version of "
-            f"epuck-sim reads format {FORMAT}"
-        )
-    return {**trial, "memory": json.loads(trial.get("memory", "[]"))}
-
-
-def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
+def _gather(entities: Entities) -> Recorded:
     """Return a recording's arrays; raise KeyError or ValueError if something is missing."""
-    scenario, level, times = _scenario(trial), Level(trial["level"]), entities.times(series.ORDER_AT_STEPS)
+    trial, outcome, times = entities.trial, entities.properties(OUTCOME), entities.times(series.ORDER_AT_STEPS)
+    scenario, level = _scenario(trial), Level(trial["level"])
     count, movables = scenario.population, len(population_of(scenario).arena.movables)
 
     def rows(entity: str, component: str, *shape: int, is_there: bool = level is not Level.SUMMARY) -> FloatArray:
@@ -349,7 +354,7 @@ def _read_arrows(entities: Entities, entity: str, tails: FloatArray, heads: Floa
 
     Arrows begin at (rows, count, 2) cm, `tails`, of each robot or agent, and end at one of `heads`; see `nearest`.
     """
-    rows = _rows_of(entities, entity, "Arrows2D:origins", len(tails))
+    rows = entities.rows(entity, "Arrows2D:origins", len(tails))
     origins = entities.values(entity, "Arrows2D:origins").reshape(-1, 2)
     ends = origins + entities.values(entity, "Arrows2D:vectors").reshape(-1, 2)
     classes = entities.values(entity, "Arrows2D:class_ids").astype(np.int64)
@@ -363,7 +368,7 @@ def _read_contacts(entities: Entities, positions: FloatArray, radii_cm: FloatArr
     A point between two robots divides the line between their centres as their radii do. On a wall or obstacle it
     belongs to the robot whose surface is nearest.
     """
-    rows = _rows_of(entities, CONTACTS, "Points2D:positions", len(positions))
+    rows = entities.rows(CONTACTS, "Points2D:positions", len(positions))
     points = entities.values(CONTACTS, "Points2D:positions").reshape(-1, 2)
     contacts = np.column_stack([rows, np.full((len(rows), 2), -1)])
     for contact, point, places in zip(contacts, points, positions[rows], strict=True):
@@ -375,14 +380,6 @@ def _read_contacts(entities: Entities, positions: FloatArray, radii_cm: FloatArr
         if distance_cm.min() <= BETWEEN_CM:
             contact[1:] = sorted((first, int(distance_cm.argmin())))
     return contacts, points
-
-
-def _rows_of(entities: Entities, entity: str, component: str, row_count: int) -> IntArray:
-    """Return the row of each value of a component; raise ValueError unless the entity has all rows."""
-    lengths = entities.lengths(entity, component)
-    if len(lengths) != row_count:
-        raise ValueError(f"{entity} is missing in some of {row_count} rows")
-    return np.repeat(np.arange(row_count), lengths)
 
 
 def nearest(points: FloatArray, places: FloatArray, rows: IntArray, cycle_cm: float) -> IntArray:

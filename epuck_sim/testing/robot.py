@@ -243,7 +243,7 @@ def facing_wall(
     array([ 12.8, -12.8])
     """
     pose = (SIDE_CM - RADIUS_CM - gap_cm, SIDE_CM / 2, 0.0)
-    return _simulation([_group(controller, pose, parameters)], seed, interpret=interpret)
+    return _scene(seed, interpret, (controller, pose, parameters))
 
 
 def facing_robot(
@@ -269,16 +269,14 @@ def facing_robot(
     True
     """
     middle, apart = SIDE_CM / 2, gap_cm + 2 * RADIUS_CM
-    other = _group("constant", (middle + apart / 2, middle, math.pi), {"ring_on": lit})
-    return _simulation(
-        [_group(controller, (middle - apart / 2, middle, 0.0), parameters), other], seed, interpret=interpret
-    )
+    looks, stands = (middle - apart / 2, middle, 0.0), (middle + apart / 2, middle, math.pi)
+    return _scene(seed, interpret, (controller, looks, parameters), ("constant", stands, {"ring_on": lit}))
 
 
-def _group(controller: str | Path, pose: tuple[float, float, float], parameters: dict[str, Value]) -> dict[str, object]:
-    return {"controller": str(controller), "poses": [pose], "parameters": parameters}
-
-
-def _simulation(groups: list[dict[str, object]], seed: int, *, interpret: bool) -> Simulation:
+def _scene(
+    seed: int, interpret: bool, *robots: tuple[str | Path, tuple[float, float, float], dict[str, Value]]
+) -> Simulation:
+    """Return a simulation of robots, each of which has a controller, a pose and parameters."""
     arena = {"width_cm": SIDE_CM, "height_cm": SIDE_CM}
+    groups = [{"controller": str(file), "poses": [pose], "parameters": given} for file, pose, given in robots]
     return Simulation({"name": "scene", "arena": arena, "noise": "off", "robots": groups}, seed, interpret=interpret)

@@ -87,7 +87,7 @@ def test_what_a_scene_is_of_changes_in_it_and_films_of_a_trial_and_of_its_record
     if trial.name == "walls":
         entities = Entities(trial.folder / "t.rrd", WALLS, OBSTACLES)
         assert entities.times(WALLS).tolist() == [time_s for time_s, _ in trial.recorded.arenas]
-        assert entities.lengths(OBSTACLES, "LineStrips2D:strips").tolist() == [2, 1, 2]
+        assert entities.rows(OBSTACLES, "LineStrips2D:strips", 3).tolist() == [0, 0, 1, 2, 2]
     film_recording(trial.folder / "t.rrd", [], trial.folder / "again.mp4", lambda rows, _: rows)
     films = []
     for name in ("t.mp4", "again.mp4"):
