@@ -26,7 +26,7 @@ from epuck_sim.scenario.loader import robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.measuring import Measuring
-from epuck_sim.trial.result import Observer, OfStretches, Progress, TrialResult
+from epuck_sim.trial.result import Observer, Progress, TrialResult
 
 NOMINAL_PERIOD_S = 5.0  # length of a cycle, in seconds, if the reference is no oscillator (4.2.1)
 
@@ -175,20 +175,21 @@ def run_robots(
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
-    in_stretches = [isinstance(observer, OfStretches) for observer in observers]
-    sees_all, sees_stretches = not all(in_stretches), any(in_stretches)
+    sees_all = bool(observers)
     began = time.perf_counter()
     while not (watch.is_over or measuring.is_over()):
         measuring.carry_out(watch, simulation.carry_out_scheduled)
         unseen = 1 if sees_all else min(watch.steps_left, MOST_STEPS)
         cycles = watch.cycles
-        stretch = simulation.stretch(unseen) if sees_stretches else None
+        stretch = simulation.stretch(unseen) if measuring.at_stretches else None
         step = simulation.advance(unseen, until_firing=True) if stretch is None else simulation.last_step
         watch.look(step, may_fire=sees_all or simulation.is_firing)
         if progress is not None:
             progress(watch)
-        for observer, of_stretches in zip(observers, in_stretches, strict=True):
-            observer(stretch if of_stretches else step, watch)
+        for tell in measuring.at_stretches:
+            tell(stretch, watch)
+        for observer in observers:
+            observer(step, watch)
         if watch.cycles > cycles:
             for observer in measuring.at_cycles:
                 observer(step, watch)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from epuck_sim.measures.measure import CYCLE_METHOD, STRETCH_METHOD, Measure, Pa
 from epuck_sim.scenario.changes import ScheduleEntry, condition_key
 from epuck_sim.scenario.scenario import STOP, Scenario
 from epuck_sim.scenario.stop import Condition
-from epuck_sim.trial.result import Observer, OfStretches, TrialState
+from epuck_sim.trial.result import Observer, TrialState
 from epuck_sim.user_files import line_of_error
 from epuck_sim.util.messages import describe_error, short_repr
 
@@ -48,6 +48,7 @@ class Measuring:
         scenario: Scenario = simulation.scenario
         schedule: Sequence[ScheduleEntry] = getattr(scenario, "schedule", ())
         self.at_events: list[Observer] = []  # tell the measures that ask for every event
+        self.at_stretches: list[Observer] = []  # tell those that take many steps of robots at once, by a `Stretch`
         self.at_cycles: list[Observer] = []  # tell the measures that ask for every firing of the reference
         self._values: dict[str, Callable[[], Value]] = {}
         self._watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
@@ -71,9 +72,9 @@ class Measuring:
         event_method = simulation.scenario.event_method
         for method, observers in ((event_method, self.at_events), (CYCLE_METHOD, self.at_cycles)):
             if measure.is_told(method):
-                tell: Observer = partial(_call, measure, origin, getattr(instance, measure.told_by(method)))
-                is_of_stretches = measure.told_by(method) == STRETCH_METHOD
-                observers.append(cast(Observer, OfStretches(tell)) if is_of_stretches else tell)
+                told_by = measure.told_by(method)
+                tells = self.at_stretches if told_by == STRETCH_METHOD else observers
+                tells.append(partial(_call, measure, origin, getattr(instance, told_by)))
                 observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
         self.at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
 

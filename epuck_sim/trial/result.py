@@ -54,17 +54,6 @@ Observer = Callable[[Any, Any], None]
 `state` is the trial's TrialState. Observers must not change what they are shown.
 """
 
-
-class OfStretches(NamedTuple):
-    """An observer of robots that is told of many steps at once, by a `Stretch` (`embodied.history`)."""
-
-    tell: Observer
-
-    def __call__(self, stretch: Any, state: Any) -> None:
-        """Tell of a stretch, and of how far the trial is at its end."""
-        self.tell(stretch, state)
-
-
 Progress = Callable[[TrialState], None]  # called now and then while a trial runs, to show how far it is
 
 
