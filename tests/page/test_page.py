@@ -326,7 +326,7 @@ def ended(scenario: Any, seeds: range) -> list[list[Any]]:
 
 TRIALS = """
 (values, seeds) => {
-  const swarm = makeSwarm(page.modules, page.data.facts, values);
+  const swarm = swarmMaker(page.trials.modules, page.data.facts)(values);
   return seeds.map((seed) => {
     swarm.reset(BigInt(seed));
     const run = swarm.run();
@@ -446,7 +446,7 @@ def test_a_trial_that_is_looked_at_ends_as_one_that_is_not(opened, name: str) ->
     browser = opened(name)
     looked = browser.run(
         """(() => {
-          const swarm = makeSwarm(page.modules, page.data.facts, page.values), flashes = [];
+          const swarm = swarmMaker(page.trials.modules, page.data.facts)(page.values), flashes = [];
           swarm.reset(4n);
           for (let time = 0; !swarm.has_ended; time += 0.37) {
             swarm.advance_to(time, (at, who) => flashes.push([at, who]));

@@ -31,9 +31,8 @@ function complain(what) {
 class Page {
   /** @param {any} data see writer.py @param {Modules} modules */
   constructor(data, modules) {
-    Object.assign(this, { data, modules });
     this.data = data;
-    this.modules = modules;
+    this.make = swarmMaker(modules, data.facts);
     this.settings = new Map(data.settings.map((/** @type {any} */ each) => [each.key, each]));
     this.trials = new Trials(`${find("core").textContent}\nserve(self);`, modules, data.facts);
     this.results = /** @type {Done[]} */ ([]);
@@ -56,7 +55,7 @@ class Page {
   /** Begin a trial with the present values and seed. */
   begin() {
     try {
-      const swarm = this.swarm?.values === this.values ? this.swarm : makeSwarm(this.modules, this.data.facts, this.values);
+      const swarm = this.make(this.values);
       swarm.reset(this.seed);
       this.swarm = swarm;
       find("trouble").hidden = true;

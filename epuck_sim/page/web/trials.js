@@ -7,20 +7,15 @@
 /** Time for which trials keep the page busy at once, where there are no workers, ms. */
 const BUSY_MS = 12;
 
-/** Return a function that makes the swarm of a task, or takes the last one. */
-/** @param {Modules} modules @param {any} facts */
+/** Return a function that makes the swarm of values, or takes the last one if they are its own. */
+/** @param {Modules} modules @param {any} facts @returns {(values: Values) => any} */
 function swarmMaker(modules, facts) {
   /** @type {any} */
   let swarm = null;
-  return (/** @type {Values} */ values) => {
-    if (!swarm || swarm.values !== values) swarm = makeSwarm(modules, facts, values);
+  return (values) => {
+    if (!swarm || swarm.values !== values) swarm = new (facts.swarms ? Robots : Agents)(modules, facts, values);
     return swarm;
   };
-}
-
-/** Return the swarm of a model. @param {Modules} modules @param {any} facts @param {Values} values @returns {any} */
-function makeSwarm(modules, facts, values) {
-  return new (facts.swarms ? Robots : Agents)(modules, facts, values);
 }
 
 /** Serve a page from a worker. @param {any} scope the worker's global scope */
@@ -48,7 +43,8 @@ function runTask(swarm, task) {
 class Trials {
   /** @param {string} source of a worker @param {Modules} modules @param {any} facts */
   constructor(source, modules, facts) {
-    Object.assign(this, { modules, facts });
+    this.modules = modules;
+    this.facts = facts;
     this.address = typeof Blob === "undefined" ? "" : URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
     this.workers = /** @type {Worker[]} */ ([]);
     this.round = 0;
@@ -80,7 +76,7 @@ class Trials {
   /** @param {Values[]} points @param {Task[]} tasks @param {(done: Done) => void} tell @param {number} round @returns {Promise<Task[]>} */
   in_workers(points, tasks, tell, round) {
     const open = new Map(tasks.map((task, number) => [number, task]));
-    const waiting = [...open.keys()], { modules, facts } = /** @type {any} */ (this);
+    const waiting = [...open.keys()], { modules, facts } = this;
     return new Promise((resolve) => {
       this.settle = () => resolve([...open.values()]);
       const give = (/** @type {Worker} */ worker) => {
@@ -113,7 +109,7 @@ class Trials {
 
   /** Run trials in the page, a little at a time. @param {Task[]} tasks @param {(done: Done) => void} tell @param {number} round */
   async in_page(tasks, tell, round) {
-    const { modules, facts } = /** @type {any} */ (this), make = swarmMaker(modules, facts);
+    const make = swarmMaker(this.modules, this.facts);
     let until = performance.now() + BUSY_MS;
     for (const task of tasks) {
       const swarm = make(task.values);
