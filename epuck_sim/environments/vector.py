@@ -278,7 +278,6 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         return self._observe(situation), self._infos(situation)
 
     def _begin(self, swarms: Sequence[int]) -> None:
-        """Begin the next episodes of these swarms: their robots are placed, and sense."""
         for swarm in swarms:
             simulation = self.simulations[swarm]
             self._episodes[swarm] += 1
@@ -316,7 +315,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 done.result()
         self._begin(np.flatnonzero(resting).tolist())
         situation = self.look()
-        rewards = _for_each_robot("reward", self._reward(situation), situation)[:, self.spaces.chosen]
+        rewards = _for_each_robot(self._reward(situation), situation)[:, self.spaces.chosen]
         terminated = self._ends(situation) & ~resting
         truncated = (self._numbers >= self._last_step) & ~resting
         self._is_over = terminated | truncated
@@ -438,15 +437,15 @@ def _commanded(simulation: Simulation) -> Simulation:
     return Simulation(simulation.scenario.model_copy(update={"robots": groups}), simulation.seed)
 
 
-def _for_each_robot(name: str, values: npt.ArrayLike, situation: Situation) -> FloatArray:
-    """Return (swarms, robots) values that were given for each robot, or for each swarm."""
-    given = np.asarray(values)
+def _for_each_robot(rewards: npt.ArrayLike, situation: Situation) -> FloatArray:
+    """Return (swarms, robots) rewards that were given for each robot, or for each swarm."""
+    given = np.asarray(rewards)
     shape = situation.ring_on.shape
     are_numbers = given.dtype.kind in "biuf"
     if not are_numbers or given.shape not in (shape, shape[:1]) or np.isnan(given).any():
         wrong = f"the shape {given.shape}" if are_numbers else f"values of the type {given.dtype}"
         raise ValueError(
-            f"{name} returned {'NaN' if are_numbers and np.isnan(given).any() else wrong}; allowed: numbers of "
+            f"reward returned {'NaN' if are_numbers and np.isnan(given).any() else wrong}; allowed: numbers of "
             f"the shape {shape[:1]}, one for each swarm, or {shape}, one for each robot"
         )
     given = given.astype(float)

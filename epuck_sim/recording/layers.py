@@ -428,7 +428,6 @@ class RobotLayers:
 
 
 def _format(width: int, height: int, number: Literal["U8", "U16"]) -> rr.components.ImageFormat:
-    """Return the format of a picture with one number per pixel."""
     return rr.components.ImageFormat(width=width, height=height, channel_datatype=number)
 
 

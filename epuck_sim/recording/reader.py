@@ -182,9 +182,9 @@ class Entities:
         numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]
         return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
 
-    def texts(self, entity: str, component: str) -> list[str]:
-        """Return the texts of a component in all rows, one after the other."""
-        return [text for column in self._columns(entity, component) for text in column.flatten().to_pylist()]
+    def texts(self, entity: str) -> list[str]:
+        """Return the texts of a log."""
+        return [text for column in self._columns(entity, "TextLog:text") for text in column.flatten().to_pylist()]
 
     def rows(self, entity: str, component: str, row_count: int) -> IntArray:
         """Return the row of each value of a component; raise ValueError unless the entity has so many rows."""
@@ -305,9 +305,7 @@ def _gather(entities: Entities) -> Recorded:
         ring_on=rows(ROBOTS, "Points2D:class_ids", count) == 1,
         movables=rows(MOVABLES, "Points2D:positions", movables, 2).astype(np.float32),
         memory={name: rows(series.memory_entity(name), SCALARS, count, is_there=True) for name in trial["memory"]},
-        events=tuple(
-            zip(entities.times(series.EVENTS).tolist(), entities.texts(series.EVENTS, "TextLog:text"), strict=True)
-        ),
+        events=tuple(zip(entities.times(series.EVENTS).tolist(), entities.texts(series.EVENTS), strict=True)),
         links=_read_links(entities, scenario, positions, headings) if level is Level.FULL else None,
     )
 

@@ -142,7 +142,6 @@ def _recording_id(scenario: Scenario, seed: int, level: Level, memory: Sequence[
 
 
 def _description(scenario: Scenario, seed: int, level: Level, memory: Sequence[str]) -> Iterator[Chunk]:
-    """Yield the properties that describe the trial."""
     described: dict[str, Any] = {
         "format": FORMAT,
         "level": str(level),

@@ -254,7 +254,6 @@ class AgentBuffer:
             self._add_rows(time_ns, self._positions + moved, self._phases + elapsed_s / self._periods_s)
 
     def _regular_ns(self, number: int) -> int:
-        """Return the time of a regular row, ns."""
         return round(number * self._period_s * 1e9 / self._rows_per_period)
 
     def _add_rows(self, time_ns: IntArray, positions: FloatArray, phases: FloatArray) -> None:

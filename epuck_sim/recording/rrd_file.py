@@ -89,7 +89,6 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
 
 
 def _seal(path: Path) -> None:
-    """Write the digest and the length of a file into it."""
     with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as contents:
         place = contents.find(_MARK) + len(_MARK)
         if contents[place : place + len(_BLANK)] != _BLANK:

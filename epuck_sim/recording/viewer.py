@@ -156,7 +156,6 @@ def _settled(take: Callable[[], bytes]) -> bytes:
 
 
 def _shows_message(png: bytes) -> bool:
-    """Return whether a picture of the viewer has a message in its upper right corner."""
     picture = np.asarray(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR))
     corner = picture[MESSAGE_ROWS, MESSAGE_COLUMNS]
     return bool((corner == MESSAGE_GREY).all(axis=-1).mean() > 0.5)
@@ -182,7 +181,7 @@ def sleep(seconds: float) -> str:
 class Pace:
     """When each step of a trial is due."""
 
-    def __init__(self, speed: float, wait: Wait = sleep) -> None:
+    def __init__(self, speed: float, wait: Wait) -> None:
         """Set how many times as fast as real robots a trial goes, and what waits between its steps."""
         self._speed = speed
         self._wait = wait
