@@ -11,16 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import ParticleSimulation, load_scenario, points
+from epuck_sim.measures import synchrony
 from epuck_sim.measures.measure import SHIPPED, find_measure
 from epuck_sim.measures.motion import Moved, correlation_time
 from epuck_sim.measures.perturbations import growth_rates, mean_with_interval
-from epuck_sim.measures.synchrony import (
-    BelowThreshold,
-    StaysAbove,
-    ThresholdCycles,
-    cluster_numbers,
-    surviving_clusters,
-)
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.compatibility import stored_point
@@ -115,7 +109,7 @@ def slow_sizes(given_phases, gap):
 @given(st.lists(st.integers(0, 99), max_size=8), st.integers(0, 20))
 def test_clusters_are_those_of_single_linkage_on_the_circle(hundredths, gap):
     given_phases = np.array(hundredths) / 100
-    sizes = np.bincount(cluster_numbers(given_phases, gap / 100 + 1e-9))
+    sizes = np.bincount(synchrony.cluster_numbers(given_phases, gap / 100 + 1e-9))
     assert sorted(sizes) == slow_sizes(given_phases, gap / 100 + 1e-9)
 
 
@@ -177,12 +171,12 @@ def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them_and_later_on
     def reached(threshold):
         return next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None)
 
-    assert told(ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), series) == [*map(reached, (0.9, 0.5, 0.9))]
+    assert told(synchrony.ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), series) == [*map(reached, (0.9, 0.5, 0.9))]
     first = next((place for place, order in enumerate(series) if order >= 0.8), len(series))
     later = series[first + 1 :]
     below = [order < 0.8 for order in later]
-    assert told(BelowThreshold(None, threshold=0.8), series) == (sum(below) / len(below) if later else None)
-    assert told(StaysAbove(None, threshold=0.8), series) == (not any(below) if later else None)
+    assert told(synchrony.BelowThreshold(None, threshold=0.8), series) == (sum(below) / len(below) if later else None)
+    assert told(synchrony.StaysAbove(None, threshold=0.8), series) == (not any(below) if later else None)
 
 
 def test_a_trial_with_further_cycles_says_whether_it_stays_above():
@@ -201,7 +195,7 @@ def test_a_cluster_lives_on_in_one_with_more_than_half_of_both(numbers):
         later = [set(np.flatnonzero(after == other).tolist()) for other in set(after.tolist())]
         goes_on = any(2 * len(members & other) > len(members | other) for other in later)
         lived, gone = lived + goes_on, gone + (not goes_on)
-    assert surviving_clusters(before, after) == (lived, gone)
+    assert synchrony.surviving_clusters(before, after) == (lived, gone)
 
 
 def test_velocities_are_correlated_until_they_turn():
