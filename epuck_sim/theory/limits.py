@@ -41,14 +41,6 @@ class Pair(NamedTuple):
     cycles: float  # mean T_sync from random phases, in cycles; infinite where some phases never synchronise
 
 
-def _after(response: Response, phases: FloatArray) -> FloatArray:
-    """Return the phase of who fires when the other one fires next, which a pulse has met at these phases.
-
-    Taken twice, it is the return map of thesis eq. 5.2.
-    """
-    return 1 - (phases + phase_shift(response, phases))
-
-
 def measure_pair(response: Response, threshold: float) -> Pair:
     """Return what a curve does to two oscillators, which count as one at a threshold of the order parameter."""
     offsets = np.array([SMALL, 1 - SMALL])
@@ -61,7 +53,8 @@ def measure_pair(response: Response, threshold: float) -> Pair:
         if not apart.any():
             break
         firings[apart] += 1
-        phases[apart] = _after(response, phases[apart])
+        met = phases[apart] + phase_shift(response, phases[apart])
+        phases[apart] = 1 - met  # of who fires next, when the other one does; taken twice, thesis eq. 5.2
     else:
         firings[:] = math.inf
     return Pair(_log(lead / SMALL), _log(lag / SMALL), _log(square), float(firings.mean()) / 2)

@@ -22,8 +22,6 @@ from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.order_parameter import METRICS, Firing, from_reference, reference_order_parameter
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import robots_like
-from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
@@ -244,11 +242,3 @@ def start_like(robots: Scenario | str | Path | Mapping[str, Any], seed: int) -> 
         "positions_cm": np.column_stack([x, y]).tolist(),
         "headings": [[*sin_cos(angle)[::-1]] for angle in heading.tolist()],
     }
-
-
-def with_start(scenario: ParticleScenario, seed: int) -> ParticleScenario:
-    """Return a scenario of agents with the start that its key `start.like` stands for in the trial with a seed."""
-    like = scenario.start.like
-    assert like is not None
-    start = start_like(robots_like(like, f"{scenario.name}: start.like"), seed)
-    return scenario.model_copy(update={"start": type(scenario.start).model_validate(start)})

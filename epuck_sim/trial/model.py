@@ -14,8 +14,8 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import SCENARIO_TYPES
-from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.loader import SCENARIO_TYPES, robots_like
+from epuck_sim.scenario.particles import ParticleScenario, StartSection
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
@@ -113,9 +113,10 @@ def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> 
     if interpret:
         check_interpretable(scenario)
     if scenario.start.like is not None:
-        from epuck_sim.trial.embodied import with_start
+        from epuck_sim.trial.embodied import start_like
 
-        scenario = with_start(scenario, seed)
+        start = start_like(robots_like(scenario.start.like, f"{scenario.name}: start.like"), seed)
+        scenario = scenario.model_copy(update={"start": StartSection.model_validate(start)})
     return ParticleSimulation(scenario, seed)
 
 

@@ -28,9 +28,6 @@ from epuck_sim.util.provenance import versions
 CHUNK_ROWS = 20_000  # number of rows that are gathered in memory before they are written, about 4 MB
 
 
-POSE, WHEELS = ("x_cm", "y_cm", "heading_rad"), ("left_cm_s", "right_cm_s")
-
-
 class Trace:
     """An observer of a trial (see `run_trial`) that writes every step to a file; to be used in a `with` block.
 
@@ -98,8 +95,8 @@ class Trace:
         columns = {
             "time_s": times,
             "robot": np.tile(np.arange(self._robots, dtype=np.int32), len(self._steps)),
-            **dict(zip(POSE, poses.T, strict=True)),
-            **dict(zip(WHEELS, wheels.T, strict=True)),
+            **dict(zip(("x_cm", "y_cm", "heading_rad"), poses.T, strict=True)),
+            **dict(zip(("left_cm_s", "right_cm_s"), wheels.T, strict=True)),
             "ring_on": ring_on,
             "phase_ms": phase_ms,
             "flash_seen": flash_seen,
