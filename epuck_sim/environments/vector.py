@@ -37,8 +37,6 @@ MOTIONS = np.array([(0.0, 0.0), (1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.
 """(7, 2) left and right wheel of each discrete motion, as shares of the wheels' limit: stand still, ahead, back, turn
 left and right on the spot, drive an arc to the left and to the right."""
 
-PHASE_FEATURES = 2  # numbers by which a phase is observed, on a circle
-
 
 class Task(TypedDict, total=False):
     """What agents are to do: the arguments of every environment, each of which may be left out."""
@@ -88,7 +86,7 @@ class AgentSpaces:
             "infrared": sensors,
             "wheels": 2,
             "ring": 1,
-            **({"phase": PHASE_FEATURES} if has_phase else {}),
+            **({"phase": 2} if has_phase else {}),  # on a circle
             **{READING + name: size for name, size in self._readings.items()},
         }
         ends = np.cumsum(list(sizes.values())).tolist()

@@ -190,9 +190,6 @@ class Density(_Map):
         return [float(part) for part in self._counts.ravel() / total] if total else []
 
 
-SECONDS_PER_HOUR = 3600
-
-
 class Moved(Shipped):
     """Distance in cm that a movable moves in an hour, straight from cycle to cycle; a mean over movables (robots)."""
 
@@ -217,7 +214,7 @@ class Moved(Shipped):
 
     def value(self) -> float | None:
         """Return the distance; None without two cycles."""
-        return share(SECONDS_PER_HOUR * self._path_cm, self._last_s - self._begin_s)
+        return share(3600 * self._path_cm, self._last_s - self._begin_s)
 
 
 class Avoiding(Share):

@@ -25,15 +25,14 @@ from epuck_sim.statistics.statistic import QUANTILE, wilson_interval
 from epuck_sim.trial.embodied import start_poses
 
 
-def take_snapshots(scenario: Scenario, count: int, seed: int = 0) -> BoolArray:
-    """Return the snapshots of a swarm in `count` random placements, those of seeds from `seed` on."""
-    seeds = range(seed, seed + count)
+def take_snapshots(scenario: Scenario, count: int) -> BoolArray:
+    """Return the snapshots of a swarm in `count` random placements, those of seeds from 0 on."""
     if isinstance(scenario, EmbodiedScenario):
-        return _links_of_robots(scenario, start_poses(scenario, seeds))
+        return _links_of_robots(scenario, start_poses(scenario, range(count)))
     assert isinstance(scenario, ParticleScenario)
     if isinstance(scenario.neighbourhood, RandomAgents):
-        return _drawn(scenario.agents.count, scenario.neighbourhood.k, count, seed)
-    return _links_of_agents(scenario, scenario.agents.speed_cm_s, seeds, (0.0,))[0]
+        return _drawn(scenario.agents.count, scenario.neighbourhood.k, count)
+    return _links_of_agents(scenario, scenario.agents.speed_cm_s, range(count), (0.0,))[0]
 
 
 def changed_links(scenario: Scenario, speeds_cm_s: Sequence[float], count: int) -> FloatArray:
@@ -58,8 +57,8 @@ def _share_changed(before: BoolArray, after: BoolArray) -> float:
     return int((before ^ after).sum()) / either if either else math.nan
 
 
-def _drawn(agents: int, k: int, count: int, seed: int) -> BoolArray:
-    ranks = np.random.default_rng(seed).random((count, agents, agents))
+def _drawn(agents: int, k: int, count: int) -> BoolArray:
+    ranks = np.random.default_rng(0).random((count, agents, agents))
     ranks[:, np.arange(agents), np.arange(agents)] = math.inf
     links: BoolArray = ranks.argsort(2).argsort(2) < min(k, agents - 1)
     return links

@@ -52,8 +52,8 @@ def test_components_are_who_reach_each_other_and_degrees_and_sources_are_counted
 def test_links_of_agents_are_those_of_their_simulation_and_are_reciprocal_as_they_should_be() -> None:
     """Of random points in a plane, 6 pi / (8 pi + 3 sqrt 3) are nearest to their nearest (Clark and Evans 1955)."""
     scenario = load_scenario("particles", ["agents.count=7", "neighbourhood={kind: cone_of_vision, angle_deg: 90}"])
-    snapshots = take_snapshots(scenario, 3, seed=4)
-    for snapshot, seed in zip(snapshots, range(4, 7), strict=True):
+    snapshots = take_snapshots(scenario, 3)
+    for snapshot, seed in zip(snapshots, range(3), strict=True):
         assert (snapshot == ParticleSimulation(scenario, seed).adjacency()).all()
     within = load_scenario("particles", ["neighbourhood={kind: range, radius_cm: 30}"])
     assert measure_graphs(take_snapshots(within, 20)).reciprocity.value == 1
@@ -64,8 +64,8 @@ def test_links_of_agents_are_those_of_their_simulation_and_are_reciprocal_as_the
 
 def test_robots_see_whom_the_observers_of_a_trial_see_and_radio_reaches_whoever_is_in_range_through_bodies() -> None:
     scenario = load_scenario("thesis")
-    (snapshot,) = take_snapshots(scenario, 1, seed=3)
-    views = {(seen, looks) for _, looks, seen in Simulation(scenario, seed=3).stretch(1).views}
+    (snapshot,) = take_snapshots(scenario, 1)
+    views = {(seen, looks) for _, looks, seen in Simulation(scenario, seed=0).stretch(1).views}
     links = {(sender, receiver) for sender, receiver in np.argwhere(snapshot)}
     assert len(links) > 3
     assert len(views ^ links) <= 2  # they have moved for a step
