@@ -45,13 +45,6 @@ class Links(Shipped):
         raise NotImplementedError
 
 
-def common_count(one: IntArray, other: IntArray) -> int:
-    """Return how many numbers two sets, each of distinct numbers, have in common."""
-    both = np.concatenate((one, other))
-    both.sort()
-    return int(np.count_nonzero(both[1:] == both[:-1]))
-
-
 class NeighbourChange(Links, Series):
     """Share of links that changed since the last cycle: 1 - |A and B| / |A or B| (series)."""
 
@@ -60,7 +53,7 @@ class NeighbourChange(Links, Series):
     def take(self, links: IntArray) -> None:
         change = None
         if self._before is not None and len(self._before) + len(links):
-            common = common_count(self._before, links)
+            common = len(np.intersect1d(self._before, links, assume_unique=True))
             change = 1 - common / (len(self._before) + len(links) - common)
         self._series.append(change)
         self._before = links
@@ -75,7 +68,7 @@ class LinkLife(Links, Share):
     def take(self, links: IntArray) -> None:
         if self._before is not None:
             self._part += len(self._before)
-            self._whole += len(self._before) - common_count(self._before, links)
+            self._whole += len(np.setdiff1d(self._before, links, assume_unique=True))
         self._before = links
 
 
