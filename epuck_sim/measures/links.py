@@ -90,12 +90,9 @@ def degrees(links: IntArray, population: int, direction: str) -> IntArray:
 
 
 def component_sizes(links: IntArray, population: int, connection: str) -> IntArray:
-    """Return the sizes of the components of the graph with these links, in no order.
+    """Return the sizes of the components of the graph with these links, (links,) numbers, in no order.
 
-    Args:
-        links: (links,) numbers of links.
-        population: Number of robots or agents.
-        connection: `weak`: as if links led both ways; `strong`: each reaches each along links.
+    In a weak component links count as if they led both ways; in a strong one each reaches each along links.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components

@@ -126,11 +126,7 @@ class VelocityCorrelationTime(_Moves):
 
 
 def correlation_time(correlation: FloatArray, interval_s: float) -> float | None:
-    """Return when a correlation falls to 1 / e of its first value; None if it never does.
-
-    Args:
-        correlation: (lags,) from lag 0 on.
-        interval_s: Time from one lag to the next.
+    """Return when a correlation, (lags,) from lag 0 on, falls to 1 / e of its first value; None if it never does.
 
     >>> correlation_time(np.array([4.0, 2.0, 1.0]), 0.1)
     0.15284822353142308

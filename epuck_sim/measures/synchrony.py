@@ -81,13 +81,9 @@ class StaysAbove(BelowThreshold):
 
 
 def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
-    """Return (n,) the number, from 0, of the cluster of phases on the circle to which each belongs.
+    """Return (n,) the number, from 0, of the cluster to which each of (n,) phases in cycles belongs.
 
-    Neighbours on the circle belong to one cluster if they are no more than `gap` apart (single linkage).
-
-    Args:
-        phases: (n,) phases in cycles.
-        gap: Largest distance between neighbours in a cluster, in cycles.
+    Neighbours on the circle belong to one cluster if they are no more than `gap` cycles apart (single linkage).
 
     >>> cluster_numbers(np.array([0.0, 0.99, 0.5]), 0.02).tolist()
     [0, 0, 1]
@@ -150,11 +146,9 @@ class ClusterLife(_Clusters, Share):
 
 
 def surviving_clusters(before: IntArray, after: IntArray) -> tuple[int, int]:
-    """Return how many clusters of two or more live on, and how many do not; see `ClusterLife`.
+    """Return how many clusters of two or more live on, and how many do not, as `ClusterLife` says.
 
-    Args:
-        before: (n,) number of the cluster to which each belongs.
-        after: (n,) the same later.
+    `before` and `after` are (n,) the numbers of the clusters to which each belongs, at two cycles.
     """
     common = np.zeros((before.max() + 1, after.max() + 1), np.int64)
     np.add.at(common, (before, after), 1)

@@ -192,12 +192,7 @@ class Record:
     _values: dict[str, npt.NDArray[Any]]
 
     def __init__(self, kind: str, *values: npt.NDArray[np.void]) -> None:
-        """Show the fields of records.
-
-        Args:
-            kind: What it is called in messages.
-            values: (1,) each record.
-        """
+        """Show the fields of records, (1,) each, which messages call `kind`."""
         fields = {name: record.view(np.ndarray)[name] for record in values for name in record.dtype.names or ()}
         object.__setattr__(self, "_kind", kind)
         object.__setattr__(self, "_values", fields)
