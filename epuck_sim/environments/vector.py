@@ -146,11 +146,9 @@ class AgentSpaces:
             raise ValueError(f"an agent's action has {given[~is_allowed][0]}; allowed: {allowed}")
         if self._discrete:
             motions = len(MOTIONS) if self.drives else 1
-            self._write(actuators, MOTIONS[given % motions], given // motions == 1)
+            shares, lit = MOTIONS[given % motions], given // motions == 1
         else:
-            self._write(actuators, np.clip(given[..., :2], -1, 1), given[..., -1] > 0)
-
-    def _write(self, actuators: npt.NDArray[np.void], shares: npt.NDArray[Any], lit: BoolArray) -> None:
+            shares, lit = np.clip(given[..., :2], -1, 1), given[..., -1] > 0
         if self.drives:
             wheels = self._limits_cm_s * shares
             actuators["left_cm_s"][:, self.chosen] = wheels[..., 0]

@@ -101,7 +101,7 @@ def allowed(**rules: Rule) -> Callable[[SimpleNamespace], None]:
     return check
 
 
-def check_sight(scenario: Any, _: Any = None) -> None:
+def check_sight(scenario: Any, _: Any) -> None:
     """Raise ValueError for robots that hear flashes by radio: who hears whom is not looked at from outside."""
     groups = scenario.robots if scenario.model == "embodied" else ()
     for number, group in enumerate(groups):

@@ -42,7 +42,7 @@ class _Talk(Series):
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
         """Raise ValueError where it is not known who receives a pulse, or of large swarms if it shifts no phase."""
-        check_sight(scenario)
+        check_sight(scenario, _)
         if scenario.model == "particles" and scenario.neighbourhood.kind == "random":
             raise ValueError("neighbourhood.kind is 'random'; allowed with words: any other, as nobody is shown whom")
         if scenario.model == "particles" and scenario.population >= SHIFTS_ONLY:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.elementary import sin_cos
@@ -51,10 +50,10 @@ class SynchronyWatch:
         self._reference = stop.reference_robot
         self._members_change = simulation.scenario.members_change
         self._all_periods = simulation.period_ms
-        self._oscillators = ~np.isnan(simulation.period_ms)
-        self._are_all = bool(self._oscillators.all())
-        self._periods = simulation.period_ms[self._oscillators]
-        self.measures = bool(self._oscillators[self._reference])
+        oscillates = ~np.isnan(self._all_periods)
+        self._oscillators = slice(None) if oscillates.all() else oscillates  # a slice copies nothing
+        self._periods = self._all_periods[self._oscillators]
+        self.measures = bool(oscillates[self._reference])
         step_ms = simulation.scenario.timing.step_ms
         self._step_s = step_ms / 1000
         period_ms = simulation.period_ms[self._reference] if self.measures else NOMINAL_PERIOD_S * 1000
@@ -86,9 +85,9 @@ class SynchronyWatch:
         phase = float(phases[self._reference])
         if self._lit_phase is None or step.number > self._steps or phase < self._lit_phase:
             self.cycles += 1
-            counted = self._of_oscillators(phases)
+            counted = phases[self._oscillators]
             if self._members_change:
-                counted = counted[self._of_oscillators(step.present)]
+                counted = counted[step.present[self._oscillators]]
             if not math.isfinite(np.add.reduce(counted)):  # nor are all of them, then
                 raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
             self.order_parameter = r = float(self.measure(phases))
@@ -105,7 +104,7 @@ class SynchronyWatch:
             return np.full(phase_ms.shape[:-1], np.nan)
         if self.measures and self._metric is reference_order_parameter:
             phase_ms = from_reference(phase_ms, self._all_periods, self._reference)
-        phases = np.ascontiguousarray(self._of_oscillators(phase_ms))
+        phases = np.ascontiguousarray(phase_ms[..., self._oscillators])
         if not self._members_change:
             return self._metric(phases, self._periods)
         rows = phases.reshape(-1, len(self._periods))
@@ -114,10 +113,6 @@ class SynchronyWatch:
             for row, present in zip(rows, ~np.isnan(rows), strict=True)
         ]
         return np.reshape(found, phase_ms.shape[:-1])
-
-    def _of_oscillators(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return those values, (..., robots), that belong to oscillators."""
-        return values if self._are_all else values[..., self._oscillators]
 
     @property
     def oscillators(self) -> int:
