@@ -30,12 +30,10 @@ def check_agents(scenario: ParticleScenario) -> None:
     agents = scenario.agents
     refuse(
         scenario,
-        {
-            "agents.count": (agents.count > MOST_AGENTS, f"is {agents.count}; a page shows up to {MOST_AGENTS}"),
-            "agents.speed_distribution": (agents.speed_distribution != "fixed", RANDOM_NUMBERS),
-            "clocks.jitter": (scenario.clocks.jitter > 0, RANDOM_NUMBERS),
-            "start.like": (scenario.start.like is not None, "a page has no trial of robots to begin with"),
-        },
+        (agents.count > MOST_AGENTS, "agents.count", f"is {agents.count}; a page shows up to {MOST_AGENTS}"),
+        (agents.speed_distribution != "fixed", "agents.speed_distribution", RANDOM_NUMBERS),
+        (scenario.clocks.jitter > 0, "clocks.jitter", RANDOM_NUMBERS),
+        (scenario.start.like is not None, "start.like", "a page has no trial of robots to begin with"),
     )
 
 

@@ -44,22 +44,14 @@ def check_robots(scenario: EmbodiedScenario) -> None:
     """Raise ScenarioError for what keeps a scenario of robots from being a page, with its key."""
     controllers = [find_controller(group.controller) for group in scenario.robots]
     unfit = [each.name for each in controllers if each.external or isinstance(each, Firmware)]
-    radios = any(group.signal.kind == "radio" for group in scenario.robots)
+    commanded = f"is {''.join(unfit[:1])}; pages have controllers in Python, which nobody commands"
     refuse(
         scenario,
-        {
-            "robots": (
-                scenario.robot_count > MOST_ROBOTS,
-                f"are {scenario.robot_count}{' with radios' * radios}; a page shows up to {MOST_ROBOTS}",
-            ),
-            "robots.controller": (
-                bool(unfit),
-                f"is {''.join(unfit[:1])}; pages have controllers in Python, which nobody commands",
-            ),
-            "arena.movables": (bool(scenario.arena.movables), "nothing is pushed in pages"),
-            "robots.present": (scenario.members_change, "all robots of a page are there all the time"),
-            "faults": (bool(scenario.faults), "robots of pages have no faults"),
-        },
+        (scenario.robot_count > MOST_ROBOTS, "robots", f"are {scenario.robot_count}; a page shows up to {MOST_ROBOTS}"),
+        (unfit, "robots.controller", commanded),
+        (scenario.arena.movables, "arena.movables", "nothing is pushed in pages"),
+        (scenario.members_change, "robots.present", "all robots of a page are there all the time"),
+        (scenario.faults, "faults", "robots of pages have no faults"),
     )
 
 

@@ -1,7 +1,7 @@
 """What pages of agents and of robots share: keys that are changed, refusals, and where numbers stand in records."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,14 +45,14 @@ def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] =
     return tuple(sorted(numbers.union(also)))
 
 
-def refuse(scenario: EmbodiedScenario | ParticleScenario, reasons: Mapping[str, tuple[bool, str]]) -> None:
-    """Raise ScenarioError for the first key that is a reason not to be a page, of its model or of any, with why."""
-    of_any = {
-        "sweep": (scenario.sweep is not None, "a page has one scenario; it sweeps the speed itself"),
-        "schedule": (bool(scenario.schedule), "pages change nothing by a schedule"),
-        "stop.when": (scenario.stop.when is not None, "pages have no measures that could end a trial"),
-    }
-    for key, (is_reason, why) in {**of_any, **reasons}.items():
+def refuse(scenario: EmbodiedScenario | ParticleScenario, *reasons: tuple[Any, str, str]) -> None:
+    """Raise ScenarioError for the first reason not to be a page that is true, of its model or of any: key, and why."""
+    of_any = (
+        (scenario.sweep is not None, "sweep", "a page has one scenario; it sweeps the speed itself"),
+        (scenario.schedule, "schedule", "pages change nothing by a schedule"),
+        (scenario.stop.when is not None, "stop.when", "pages have no measures that could end a trial"),
+    )
+    for is_reason, key, why in of_any + reasons:
         if is_reason:
             raise ScenarioError(f"{scenario.name}: {key}: {why}; `epuck-sim run` does")
 
