@@ -11,14 +11,15 @@ import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import cv2
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from PIL import Image
 from rerun.chunk import RrdReader
 
 from epuck_sim.errors import RecordingError
@@ -156,7 +157,7 @@ def _settled(take: Callable[[], bytes]) -> bytes:
 
 
 def _shows_message(png: bytes) -> bool:
-    picture = np.asarray(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR))
+    picture = np.asarray(Image.open(BytesIO(png)).convert("RGB"))
     corner = picture[MESSAGE_ROWS, MESSAGE_COLUMNS]
     return bool((corner == MESSAGE_GREY).all(axis=-1).mean() > 0.5)
 
