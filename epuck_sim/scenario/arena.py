@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from epuck_sim.arena import Arena, Floor, clearance_cm, make_arena, make_floor
 from epuck_sim.arrays import FloatArray
@@ -52,11 +52,9 @@ class Polygon(ConfigModel):
     corners_cm: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=3, max_length=100)]
     """`x_cm, y_cm` of each corner."""
 
-    @model_validator(mode="after")
-    def _check_convex(self) -> "Polygon":
+    def _check_together(self) -> None:
         if not is_convex(np.array(self.corners_cm)):
             raise ValueError("corners_cm must bound a convex polygon, listed counter-clockwise")
-        return self
 
 
 class Movable(Circle):
@@ -98,11 +96,9 @@ class FloorSection(ConfigModel):
     picture: Annotated[str, Field(min_length=1)] | None = None
     """File of a grey picture in place of `brightness`, stretched between the walls, its top at the largest y."""
 
-    @model_validator(mode="after")
-    def _check_picture_alone(self) -> "FloorSection":
+    def _check_together(self) -> None:
         if self.picture is not None and self.brightness != 1:
             raise ValueError(f"brightness is {self.brightness:g} and a picture is given; leave one of them out")
-        return self
 
     def build(self) -> Floor:
         """Return the floor as arrays; raise ScenarioError if its picture cannot be read."""
@@ -143,8 +139,7 @@ class ArenaSection(ConfigModel):
     lamps: tuple[Lamp, ...] = ()
     """What light sensors see."""
 
-    @model_validator(mode="after")
-    def _check_places(self) -> "ArenaSection":
+    def _check_together(self) -> None:
         solids = {f"obstacles.{number}": shape for number, shape in enumerate(self.obstacles)}
         solids |= {f"movables.{number}": shape for number, shape in enumerate(self.movables)}
         spans = {key: _span(shape) for key, shape in solids.items()}
@@ -163,7 +158,6 @@ class ArenaSection(ConfigModel):
             if gap_cm < -1e-9:
                 overlap = f"overlaps an obstacle or an earlier movable by {-gap_cm:.3g} cm"
                 raise ValueError(f"movables.{number} {overlap}; allowed: they may touch")
-        return self
 
     def build(self) -> Arena:
         """Return the arena as arrays; raise ScenarioError if the picture of its floor cannot be read."""

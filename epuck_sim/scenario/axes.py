@@ -281,8 +281,7 @@ class SweepAxes(ConfigModel):
         read = {name: {key: with_ranges(key, values) for key, values in each.items()} for name, each in columns.items()}
         return {**given, **read}
 
-    @model_validator(mode="after")
-    def _check_axes(self) -> "SweepAxes":
+    def _check_together(self) -> None:
         points = self.points or ()
         for number, row in enumerate(points):
             first = points[0].keys()
@@ -303,7 +302,6 @@ class SweepAxes(ConfigModel):
         if len({key.casefold() for key in self.keys}) < len(self.keys):
             raise ValueError("two axes differ only in capital letters; the table of results cannot hold both")
         check_range("the number of points", self.point_count, 1, MAX_POINTS)
-        return self
 
     @property
     def keys(self) -> list[str]:

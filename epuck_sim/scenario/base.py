@@ -8,9 +8,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, get_args
+from typing import Annotated, Any, ClassVar, Self, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.util.messages import comma_list, nearest_name, short_repr
@@ -42,6 +42,14 @@ class ConfigModel(BaseModel):
 
     later_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that came later; seeds of resamples leave out their defaults, so that earlier folders keep their numbers."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self._check_together()
+        return self
+
+    def _check_together(self) -> None:
+        """Raise ValueError if values, each of which is allowed, do not go together."""
 
     @classmethod
     def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:  # noqa: ARG003

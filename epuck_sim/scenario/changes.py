@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, TypeVar
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
@@ -65,8 +65,7 @@ class FaultSection(ConfigModel):
     scheduled: bool = False
     """Whether it begins and ends as the section `schedule` says, instead of at a time or at a rate."""
 
-    @model_validator(mode="after")
-    def _check_whom_and_when(self) -> Self:
+    def _check_together(self) -> None:
         whom = [key for key in ("robots", "share", "count") if getattr(self, key) is not None]
         if len(whom) > 1:
             raise ValueError(f"{whom[0]} and {whom[1]} are given; give one of them, or neither for all robots")
@@ -77,7 +76,6 @@ class FaultSection(ConfigModel):
             raise ValueError("mean_s is given without per_hour; give until_s, or per_hour, too")
         if self.until_s is not None and self.until_s <= (self.at_s or 0):
             raise ValueError(f"until_s is {self.until_s:g}; allowed: above at_s, which is {self.at_s or 0:g}")
-        return self
 
     @property
     def changes(self) -> str:
@@ -139,11 +137,10 @@ class Restart(FaultSection):
 
     kind: Literal["restart"]
 
-    @model_validator(mode="after")
-    def _check_no_end(self) -> Self:
+    def _check_together(self) -> None:
+        super()._check_together()
         if self.mean_s is not None or (self.until_s is not None and self.per_hour is None):
             raise ValueError("a restart takes no time; leave mean_s out, and until_s, too, unless per_hour is given")
-        return self
 
 
 AnyFault = Annotated[
@@ -243,8 +240,7 @@ class ScheduleEntry(ConfigModel):
     displace: Displacement | None = None
     """A displacement of phases."""
 
-    @model_validator(mode="after")
-    def _check_moment_and_changes(self) -> Self:
+    def _check_together(self) -> None:
         if sum(moment is not None for moment in (self.at_s, self.at_cycle, self.when)) != 1:
             raise ValueError("give one of at_s, at_cycle, when, the moment of the changes")
         if not any(getattr(self, key) for key in self.changing):
@@ -256,7 +252,6 @@ class ScheduleEntry(ConfigModel):
                 raise ValueError(f"set: {key} cannot change during a trial; allowed: {self.in_short}")
             if re.fullmatch(r"robots\.\d+\.parameters\.period_s", key):
                 raise ValueError(f"set: {key} cannot change during a trial: cycles and order parameter are told by it")
-        return self
 
     @property
     def what(self) -> str:
@@ -354,11 +349,10 @@ class RobotScheduleEntry(ScheduleEntry):
     poses: tuple[tuple[Number, Number, Number], ...] | None = None
     """With `add`, `x_cm, y_cm, heading_rad` of each robot; by default they come to random free places."""
 
-    @model_validator(mode="after")
-    def _check_added(self) -> Self:
+    def _check_together(self) -> None:
+        super()._check_together()
         if self.poses is not None and len(self.poses) != len(self.add):
             raise ValueError(f"poses has {len(self.poses)} rows; allowed: {len(self.add)}, one for each that is added")
-        return self
 
     def in_words(self) -> list[str]:
         """Return each of the changes in words."""

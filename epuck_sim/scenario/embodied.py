@@ -50,15 +50,13 @@ class TimingSection(ConfigModel):
     physics_hz: Annotated[WholeNumber, Field(ge=100, le=10_000)] = 100
     """Physics steps a second; with fewer than 100, bodies would overlap by more than 1 mm before a contact is found."""
 
-    @model_validator(mode="after")
-    def _check_rates(self) -> "TimingSection":
+    def _check_together(self) -> None:
         if 1000 % self.control_hz:
             raise ValueError(
                 f"control_hz is {self.control_hz}; a control step must be whole milliseconds: give a divisor of 1000"
             )
         if self.physics_hz % self.control_hz:
             raise ValueError(f"physics_hz is {self.physics_hz}; allowed: a multiple of control_hz, {self.control_hz}")
-        return self
 
     @property
     def step_ms(self) -> int:
@@ -124,11 +122,10 @@ class EmbodiedStop(StopSection):
     further_cycles: Annotated[WholeNumber, Field(ge=0, le=10**9)] = 0
     """Number of firings of the reference for which a trial goes on after synchrony, within its limits."""
 
-    @model_validator(mode="after")
-    def _check_further_cycles(self) -> Self:
+    def _check_together(self) -> None:
+        super()._check_together()
         if self.further_cycles and self.order_parameter is None:
             raise ValueError(f"further_cycles is {self.further_cycles}; allowed: 0 where order_parameter is null")
-        return self
 
     def limited(self, changes_until_s: float) -> "EmbodiedStop":
         """Return the section of trials without T_sync, whose last change is at a time: with a limit if it has none."""
@@ -158,8 +155,7 @@ class EmbodiedScenario(Scenario):
     stop: EmbodiedStop = EmbodiedStop()
     overhead: OverheadSection = OverheadSection()
 
-    @model_validator(mode="after")
-    def _check_sections_together(self) -> "EmbodiedScenario":
+    def _check_together(self) -> None:
         if not self.robots:
             raise ValueError("robots is []; allowed: at least one group of robots, such as [{count: 10}]")
         reference = self.stop.reference_robot
@@ -178,7 +174,6 @@ class EmbodiedScenario(Scenario):
         tags = self.overhead.tags
         if tags is not None and self.robot_count > int(tags.partition("_")[2]):
             raise ValueError(f"overhead.tags is {tags!r}, which has no tag for each of {self.robot_count} robots")
-        return self
 
     @property
     def robot_count(self) -> int:

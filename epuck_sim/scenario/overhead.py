@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 
@@ -65,12 +65,10 @@ class OverheadSection(ConfigModel):
     noise_levels: Annotated[Number, Field(ge=0, le=50)] = 2.0
     """Standard deviation of the noise of each colour of each pixel, in levels from 0 to 255."""
 
-    @model_validator(mode="after")
-    def _exposures_do_not_overlap(self) -> "OverheadSection":
+    def _check_together(self) -> None:
         longest_ms = 1000 / self.frames_per_s
         if self.exposure_ms > longest_ms:
             raise ValueError(
                 f"exposure_ms is {self.exposure_ms:g}; allowed: up to the time from one frame to the next, "
                 f"{longest_ms:.4g} ms at {self.frames_per_s:g} frames_per_s"
             )
-        return self

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from epuck_sim.control.names import check_draws
 from epuck_sim.errors import CurveError, EpuckSimError
@@ -125,11 +125,9 @@ class ResponseSection(ConfigModel):
             return {"parameters": list(find_curve(str(values["curve"]), folder).parameters)}
         return {}
 
-    @model_validator(mode="after")
-    def _check_coupling(self) -> "ResponseSection":
+    def _check_together(self) -> None:
         if self.curve in UP_TO_1:
             check_range("coupling", self.coupling, 0, 1, f" for the {self.curve} curve")
-        return self
 
 
 def resolve_response(response: ResponseSection, origin: str, folder: Path | None = None) -> ResponseSection:
@@ -184,10 +182,8 @@ class WalkSection(ConfigModel):
     """Exponent mu of a `levy` walk: the density of durations falls as their power of -mu, the share of longer ones as
     that of 1 - mu."""
 
-    @model_validator(mode="after")
-    def _check_keys(self) -> "WalkSection":
+    def _check_together(self) -> None:
         _check_needs(self, "kind", "run_s", "persistence", "exponent")
-        return self
 
 
 class AgentsSection(ConfigModel):
@@ -215,8 +211,7 @@ class AgentsSection(ConfigModel):
     """Pulses at which an agent turns to a random direction (D.1): those that it emits, those that shift its phase, or
     all that arrive."""
 
-    @model_validator(mode="after")
-    def _check_speeds(self) -> "AgentsSection":
+    def _check_together(self) -> None:
         _check_needs(self, "speed_distribution", "speed_spread", "fast_share", "fast_ratio")
         check_range("speed_spread", self.speed_spread, 0, 2 if self.speed_distribution == "lognormal" else 1)
         if self.speed_per_run:  # from a table of a thousand speeds
@@ -226,7 +221,6 @@ class AgentsSection(ConfigModel):
                 f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
                 f"{self.speed_distribution!r}; it needs runs that end, and speeds that differ"
             )
-        return self
 
 
 class Nearest(ConfigModel):
@@ -320,13 +314,11 @@ class StartSection(ConfigModel):
                 for place in row if key == "positions_cm" else ():
                     check_range(where, place, 0, side_cm, " (space.side_cm)")
 
-    @model_validator(mode="after")
-    def _check_start(self) -> "StartSection":
+    def _check_together(self) -> None:
         if self.like is not None and self != StartSection.model_construct(like=self.like):
             raise ValueError(f"like is {self.like!r}; leave out all other keys of start, which it decides")
         if self.displacement and self.phases != "synchronised":
             raise ValueError(f"displacement is {self.displacement:g}; allowed: 0, or phases: synchronised")
-        return self
 
 
 MOST_SIDES = 1000
@@ -384,8 +376,7 @@ class ParticleScenario(Scenario):
     schedule: tuple[AgentScheduleEntry, ...] = ()
     stop: ParticleStop = ParticleStop()
 
-    @model_validator(mode="after")
-    def _check_sections_together(self) -> "ParticleScenario":
+    def _check_together(self) -> None:
         others = self.agents.count - 1
         agents, period_s = self.agents, self.clocks.period_s
         fastest_cm_s = MOST_SIDES * self.space.side_cm / period_s
@@ -405,7 +396,6 @@ class ParticleScenario(Scenario):
                     "one of them out"
                 )
         check_numbers("schedule", self.schedule, self.agents.count)
-        return self
 
     @property
     def scales(self) -> dict[str, float]:

@@ -241,15 +241,13 @@ class ProximitySection(ConfigModel):
     width_cm2: Positive = epuck.INFRARED_WIDTH_CM2
     """Width of the peak, c; above x0^2."""
 
-    @model_validator(mode="after")
-    def _check_response(self) -> "ProximitySection":
+    def _check_together(self) -> None:
         if self.width_cm2 <= self.peak_cm**2:
             raise ValueError(
                 f"width_cm2 is {self.width_cm2:g}; allowed: above the square of peak_cm, {self.peak_cm**2:g}"
             )
         if self.peak_cm >= self.range_cm:
             raise ValueError(f"peak_cm is {self.peak_cm:g}; allowed: below range_cm, {self.range_cm:g}")
-        return self
 
 
 class CameraMount(ConfigModel):
@@ -292,8 +290,7 @@ class RobotKind(ConfigModel):
         except ScenarioError as error:
             raise ValueError(f"kind: {error}") from error
 
-    @model_validator(mode="after")
-    def _check_body(self) -> "RobotKind":
+    def _check_together(self) -> None:
         check_range("wheel_base_cm", self.wheel_base_cm, 0, 2 * self.radius_cm, ", the body's diameter")
         if self.camera is not None:
             check_range("camera.forward_cm", self.camera_forward_cm, 0, self.radius_cm, ", the body's radius")
@@ -302,7 +299,6 @@ class RobotKind(ConfigModel):
                 " cm from the axle's centre, the body's radius; infrared: null stands for a robot without such sensors"
             )
             check_range(f"infrared.sensors.{number}", math.hypot(x, y), 0, self.radius_cm + ROUNDING_CM, why)
-        return self
 
     @property
     def wheels(self) -> Wheels:

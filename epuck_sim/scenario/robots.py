@@ -101,8 +101,7 @@ class CameraSection(ConfigModel):
     latency_ms: Annotated[Number, Field(ge=0)] = 0.0
     """Largest delay of a picture; each picture reaches the controller after a delay drawn uniformly from 0 to this."""
 
-    @model_validator(mode="after")
-    def _check_picture(self) -> "CameraSection":
+    def _check_together(self) -> None:
         central = self.pixels if self.central_pixels is None else self.central_pixels
         if central > self.pixels or (self.pixels - central) % 2:
             raise ValueError(
@@ -119,7 +118,6 @@ class CameraSection(ConfigModel):
             raise ValueError(
                 f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give frames_per_s, or leave latency_ms out"
             )
-        return self
 
 
 class InfraredSection(ConfigModel):
@@ -184,8 +182,7 @@ class RobotGroup(ConfigModel):
             return {"placement": "poses", **count, **given}
         return given
 
-    @model_validator(mode="after")
-    def _check_poses_and_signal(self) -> "RobotGroup":
+    def _check_together(self) -> None:
         if self.poses is None and self.placement == "poses":
             raise ValueError("placement is 'poses' but there are none; give poses: [[x_cm, y_cm, heading_rad], ...]")
         if self.poses is not None and self.placement != "poses":
@@ -194,7 +191,6 @@ class RobotGroup(ConfigModel):
             raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
         if self.signal.kind != "camera" and self.camera != CameraSection():
             raise ValueError(f"signal.kind is {self.signal.kind!r} and a camera is given; leave one of them out")
-        return self
 
     @property
     def signal_is_random(self) -> bool:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_serializer, model_validator
 
@@ -77,12 +77,10 @@ class StopSection(ConfigModel):
             return {"order_parameter": None, **given}
         return given
 
-    @model_validator(mode="after")
-    def _check_ends(self) -> Self:
+    def _check_together(self) -> None:
         if self.when is not None and self.order_parameter is not None:
             shown = f"order_parameter is {self.order_parameter:g} and when is {str(self.when)!r}"
             raise ValueError(f"{shown}; give order_parameter: null, as one of them alone may end trials")
-        return self
 
 
 AS = "as"
