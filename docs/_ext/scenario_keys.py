@@ -11,8 +11,7 @@ import epuck_sim.scenario
 from epuck_sim.scenario.base import ConfigModel
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.stop import ONE_MEASURE
+from epuck_sim.scenario.scenario import ONE_MEASURE, Scenario
 
 COMMON = [name for name in Scenario.model_fields if name not in ("model", "stop")]
 """Keys that scenarios of all models have; a trial's end is one, too, but each model has its own."""

@@ -13,8 +13,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.particles import ParticleScenario, find_curve
 from epuck_sim.scenario.points import Point
-from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
-from epuck_sim.scenario.stop import MeasureSection
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT, MeasureSection, Scenario
 from epuck_sim.util.messages import short_repr
 
 MOST_SHOWN = 8  # largest number of differences in a message

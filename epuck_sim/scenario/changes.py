@@ -11,7 +11,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range
 from epuck_sim.scenario.robot_kind import sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, members, resolve_parameters
-from epuck_sim.scenario.stop import Condition
+from epuck_sim.scenario.scenario import Condition
 from epuck_sim.util.messages import comma_list
 
 FAULTS = {
@@ -302,11 +302,6 @@ class TimedEntries(Generic[_Moment]):
         self._place += 1
         self.next = self._moments[self._place][0]
         return number
-
-
-def condition_key(entry: int) -> str:
-    """Return the dotted key of the condition of an entry."""
-    return f"schedule.{entry}.when"
 
 
 class AgentScheduleEntry(ScheduleEntry):

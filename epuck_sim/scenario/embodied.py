@@ -24,8 +24,7 @@ from epuck_sim.scenario.changes import (
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import RobotKind, check_readings
 from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group
-from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.stop import StopSection, check_measures_of_present
+from epuck_sim.scenario.scenario import Scenario, StopSection, check_measures_of_present
 
 
 class ContactSection(ConfigModel):

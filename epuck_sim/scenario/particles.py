@@ -20,8 +20,7 @@ from epuck_sim.errors import CurveError, EpuckSimError
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
 from epuck_sim.scenario.keys import set_value
-from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.stop import StopSection
+from epuck_sim.scenario.scenario import Scenario, StopSection
 from epuck_sim.user_files import Kind, Place, Value, kept, line_of_error, load_python_file, with_defaults
 from epuck_sim.util.messages import short_repr
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.measure import CYCLE_METHOD, STRETCH_METHOD, Measure, Parameter, Scalar, Value
-from epuck_sim.scenario.changes import ScheduleEntry, condition_key
-from epuck_sim.scenario.scenario import STOP, Scenario
-from epuck_sim.scenario.stop import Condition
+from epuck_sim.scenario.changes import ScheduleEntry
+from epuck_sim.scenario.scenario import STOP, Condition, Scenario, condition_key
 from epuck_sim.trial.result import Observer, TrialState
 from epuck_sim.user_files import line_of_error
 from epuck_sim.util.messages import describe_error, short_repr

@@ -17,7 +17,7 @@ from epuck_sim import ParticleSimulation, Scenario, ScenarioError, Simulation, l
 from epuck_sim.order_parameter import METRICS, Firing
 from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES, write_scenario
-from epuck_sim.scenario.stop import StopSection
+from epuck_sim.scenario.scenario import StopSection
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.trial import particles
