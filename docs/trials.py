@@ -27,7 +27,7 @@ from epuck_sim.replication.page import read_contents, write_replication
 from epuck_sim.replication.sweeps import Trials, needed_sweeps, sweep_folder
 from epuck_sim.replication.verdicts import reduction
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.loader import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import atomic_write
 

@@ -21,9 +21,8 @@ from .recording.recorder import record
 from .report.page import write_report
 from .runs.reader import read_points
 from .scenario.embodied import EmbodiedScenario
-from .scenario.loader import load_scenario
+from .scenario.loader import Point, load_scenario, points
 from .scenario.particles import ParticleScenario
-from .scenario.points import Point, points
 from .scenario.scenario import Scenario
 from .statistics.statistic import summarize
 from .sweep.run import run_sweep

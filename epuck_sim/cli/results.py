@@ -325,7 +325,7 @@ def plan(
     from epuck_sim.cli.plan import duration_of_folder, duration_of_scenario, print_plan
     from epuck_sim.runs.folder import DATABASE
     from epuck_sim.runs.reader import read_points
-    from epuck_sim.scenario.points import points as find_points
+    from epuck_sim.scenario.loader import points as find_points
     from epuck_sim.statistics.planning import plan_trials
     from epuck_sim.sweep.checks import check_sweep
     from epuck_sim.sweep.executors import available_cores

@@ -14,7 +14,7 @@ import numpy as np
 from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Share, Table, plain
 from epuck_sim.estimate import Estimate, significant
-from epuck_sim.scenario.points import describe_axes
+from epuck_sim.scenario.loader import describe_axes
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import format_versions, versions

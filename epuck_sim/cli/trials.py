@@ -19,8 +19,7 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_outcome, read_status
 from epuck_sim.runs.share import Share
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import RUN_SCENARIO
-from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.loader import RUN_SCENARIO, Point, points
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.model import check_interpretable, run_trial, simulate
 from epuck_sim.trial.result import Observer, TrialResult

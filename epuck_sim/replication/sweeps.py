@@ -34,8 +34,7 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import PointTrials, read_points, read_status
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import merge, without_quick
-from epuck_sim.scenario.loader import find_scenario, from_keys
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.loader import find_scenario, from_keys, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.statistics.sequential import look_boundary, relative_sizes

@@ -16,7 +16,7 @@ from epuck_sim.replication.claims import FORMULAS, TESTS, Check, Claim, Values
 from epuck_sim.replication.criteria import Effect
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
-from epuck_sim.scenario.points import Point
+from epuck_sim.scenario.loader import Point
 from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes
 from epuck_sim.statistics.measured import Measured, measure, measure_t_sync, restrict

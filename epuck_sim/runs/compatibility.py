@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 from epuck_sim.control.loader import CONTROLLER, find_controller, find_sensor
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import validate
+from epuck_sim.scenario.loader import Point, validate
 from epuck_sim.scenario.particles import ParticleScenario, find_curve
-from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, MeasureSection, Scenario
 from epuck_sim.util.messages import short_repr
 

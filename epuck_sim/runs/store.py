@@ -37,7 +37,7 @@ from epuck_sim.runs.reader import measures_in, read_ends, read_finished
 from epuck_sim.runs.records import FinishedTrials, Outcome
 from epuck_sim.runs.share import WHOLE, Share, read_share
 from epuck_sim.runs.sources import write_sources
-from epuck_sim.scenario.points import Point
+from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.atomic_write import sync_folder

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.axes import check_figure_axes, check_labels
-from epuck_sim.scenario.points import Point, describe_axes
+from epuck_sim.scenario.loader import Point, describe_axes
 from epuck_sim.sweep.worker import TrialTimeoutError
 from epuck_sim.trial.model import check_room, run_trial, simulate
 from epuck_sim.trial.result import TrialState

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from epuck_sim.runs.records import FinishedTrials, Outcome, SweepProgress, Task
 from epuck_sim.runs.share import Share
 from epuck_sim.runs.store import Store
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.checks import check_sweep
 from epuck_sim.sweep.executors import OpenPool, local_pool

@@ -11,8 +11,8 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import Point, points
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents, StartSection
-from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.theory.limits import Pair, find_limit, measure_pair
 from epuck_sim.theory.regime import IN_LIMITS, Rise, Verdict, find_course, find_rise, judge, time_at

@@ -23,8 +23,7 @@ from epuck_sim.runs.folder import HOLDER, LEASE_S, current_holder, own_name, tak
 from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.share import Share, read_share
 from epuck_sim.runs.store import Store
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.util.provenance import host
 from tests.cli.commands import call, contents, refused
 from tests.processes import wait_until

@@ -16,8 +16,7 @@ from epuck_sim.runs.database import reading
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.runs.store import difference
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult

@@ -16,8 +16,7 @@ from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.share import Share, merge_folders
 from epuck_sim.runs.sources import is_trusted
 from epuck_sim.runs.store import Store
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.run import run_sweep
 from tests.cli.commands import call, called, contents, refused

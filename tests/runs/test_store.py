@@ -25,8 +25,7 @@ from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.runs.store import Store
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
 from tests.control.bench import with_step

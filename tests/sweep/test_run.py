@@ -19,8 +19,7 @@ from epuck_sim.errors import StoreError
 from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.runs.records import FinishedTrials, SweepProgress
 from epuck_sim.runs.share import Share
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import measure_t_sync, restrict
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_sizes

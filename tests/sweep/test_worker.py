@@ -8,8 +8,7 @@ import pytest
 from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.records import Task
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.sweep import checks, worker
 from epuck_sim.sweep.checks import time_trials
 from epuck_sim.sweep.run import run_sweep
