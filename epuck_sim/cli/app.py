@@ -7,12 +7,12 @@ import typer
 
 from epuck_sim import __version__
 from epuck_sim.cli.films import films
-from epuck_sim.cli.interrupt import EXIT_CODE, end_on_request
 from epuck_sim.cli.options import Commands
 from epuck_sim.cli.replicate import replications
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
 from epuck_sim.cli.scenarios import news, scenarios
+from epuck_sim.cli.terminal import EXIT_CODE, end_on_request
 
 app = typer.Typer(
     cls=Commands,

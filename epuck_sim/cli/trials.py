@@ -13,6 +13,7 @@ from epuck_sim.cli.errors import prefix_scenario, print_stderr, word_if_slow
 from epuck_sim.cli.options import read_scenario
 from epuck_sim.cli.progress import SweepProgressBar, TrialProgress
 from epuck_sim.cli.tables import print_json, print_status, print_trials
+from epuck_sim.cli.terminal import pressed_keys
 from epuck_sim.errors import ScenarioError
 from epuck_sim.recording import Level
 from epuck_sim.runs.folder import DATABASE
@@ -87,7 +88,6 @@ def open_observers(
 
 @contextmanager
 def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[ObserverFactory]:
-    from epuck_sim.cli.keys import pressed_keys
     from epuck_sim.recording.viewer import live, live_viewer, sleep
 
     memory, level = tuple(dict.fromkeys(watched.memory)), watched.level

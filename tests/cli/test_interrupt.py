@@ -17,8 +17,8 @@ import psutil
 import pytest
 
 from epuck_sim.cli import app as command
-from epuck_sim.cli import interrupt
-from epuck_sim.cli.keys import pressed_keys
+from epuck_sim.cli import terminal
+from epuck_sim.cli.terminal import pressed_keys
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_status
 from tests.cli.commands import called
@@ -26,7 +26,7 @@ from tests.control.bench import with_step
 from tests.processes import COMMAND, processes_marked, start, wait_until
 from tests.sweep.short_sweeps import short_sweep, stored
 
-ROOT = Path(interrupt.__file__).parents[2]
+ROOT = Path(terminal.__file__).parents[2]
 ENDLESS = with_step("""memory.x += 1
     if memory.x > 5:
         print("in the loop")
@@ -50,7 +50,7 @@ def scene(tmp_path) -> Path:
 
 def running(scene: Path, *arguments: str) -> subprocess.Popen:
     """Start the command, whose processes are marked by the scene's folder; they end with the test."""
-    impatient = "from epuck_sim.cli import interrupt; interrupt.GRACE_S = 0.3"  # with a main thread that does not react
+    impatient = "from epuck_sim.cli import terminal; terminal.GRACE_S = 0.3"  # with a main thread that does not react
     program = [sys.executable, "-c", f"{impatient}; from epuck_sim.__main__ import main; main()"]
     environment = {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)}
     return start([*program, "run", scene, *arguments], cwd=scene.parent, env=environment, mark=scene.parent.name)
@@ -88,7 +88,7 @@ def test_a_request_that_an_extension_turns_into_an_error_or_that_comes_twice_is_
             time.sleep(5)
         raise raised
 
-    before = {request: signal.getsignal(request) for request in interrupt.REQUESTS}
+    before = {request: signal.getsignal(request) for request in terminal.REQUESTS}
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it in what it runs in the background
     hook = sys.unraisablehook
     monkeypatch.setattr(command, "app", fail)
@@ -100,7 +100,7 @@ def test_a_request_that_an_extension_turns_into_an_error_or_that_comes_twice_is_
         sys.unraisablehook = hook
         for request, handler in before.items():
             signal.signal(request, handler)
-    assert ended.value.code == interrupt.EXIT_CODE
+    assert ended.value.code == terminal.EXIT_CODE
     assert capfd.readouterr().err == "interrupted\n"
 
 
@@ -164,7 +164,7 @@ def is_busy(pid: int) -> bool:
 
 DROPPED = """
 import sys, time
-from epuck_sim.cli.interrupt import end_on_request
+from epuck_sim.cli.terminal import end_on_request
 from epuck_sim.cli.errors import exit_on_error
 
 class Slow:
@@ -191,7 +191,7 @@ def test_a_request_in_a_destructor_is_not_lost() -> None:
 
 READS = """
 import sys
-from epuck_sim.cli.keys import pressed_keys
+from epuck_sim.cli.terminal import pressed_keys
 with pressed_keys(echo={echo}) as wait:
     print("ready", flush=True)
     keys = ""

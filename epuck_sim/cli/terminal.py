@@ -1,4 +1,4 @@
-"""Ends the command when it is asked to, even while compiled code runs.
+"""The terminal of a running command: signals that end it, even while compiled code runs, and keys that are pressed.
 
 Python runs signal handlers between two instructions of Python code, so that a compiled controller in an endless loop
 keeps them waiting for ever. Here a thread learns of the same signals, and ends the process where the handlers cannot.
@@ -6,17 +6,24 @@ keeps them waiting for ever. Here a thread learns of the same signals, and ends 
 
 import atexit
 import os
+import select
 import signal
 import socket
 import sys
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import Any
 
-from epuck_sim.cli.keys import restore_terminal
 from epuck_sim.util.atomic_write import remove_unfinished
 from epuck_sim.util.machine import signals
+
+try:
+    import termios
+except ImportError:  # there are none on Windows
+    termios = None  # type: ignore[assignment]
 
 REQUESTS = signals("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that ask the command to end: Ctrl-C, a polite request, a terminal that is closed."""
@@ -29,6 +36,8 @@ INSISTENT = 3
 
 INSIST_S = 3.0  # time in seconds within which requests count as insistent
 EXIT_CODE = 130  # exit code of a command that was interrupted
+
+_at_start: list[Any] | None = None  # how the terminal was set before keys were read; None while none are read
 
 
 def end_on_request() -> "Watchdog":
@@ -139,3 +148,54 @@ def _end(why: str) -> None:
 def _say(line: str) -> None:
     with suppress(OSError):  # nobody listens
         os.write(sys.stderr.fileno(), f"{line}\n".encode())
+
+
+@contextmanager
+def pressed_keys(*, echo: bool) -> Iterator[Callable[[float], str] | None]:
+    """Yield a function that waits for a number of seconds, or until keys are pressed, and returns these.
+
+    It is None where stdin is no terminal, or not this command's: then nothing is read or changed.
+    """
+    global _at_start  # noqa: PLW0603 there is one terminal
+    if not _is_ours():
+        yield None
+        return
+    _at_start = termios.tcgetattr(0)
+    settings = termios.tcgetattr(0)
+    settings[3] &= ~termios.ICANON if echo else ~(termios.ICANON | termios.ECHO)
+    termios.tcsetattr(0, termios.TCSADRAIN, settings)
+    try:
+        yield _wait
+    finally:
+        restore_terminal()
+
+
+def restore_terminal() -> None:
+    """Set the terminal as it was before keys were read."""
+    global _at_start  # noqa: PLW0603 there is one terminal
+    if _at_start is not None:
+        with suppress(termios.error):  # it was closed
+            termios.tcsetattr(0, termios.TCSADRAIN, _at_start)
+        _at_start = None
+
+
+def _is_ours() -> bool:
+    """Return whether stdin is a terminal and this process in its foreground; others are stopped if they touch it."""
+    if termios is None or sys.stdin is None or not sys.stdin.isatty() or sys.stdin.fileno() != 0:
+        return False
+    with suppress(OSError):
+        return os.tcgetpgrp(0) == os.getpgrp()
+    return False
+
+
+def _wait(seconds: float) -> str:
+    """Wait for keys; where the command was sent to the background, for the time alone."""
+    ready, _, _ = select.select([0], [], [], seconds)
+    if not ready or not _is_ours():
+        time.sleep(seconds if ready else 0.0)
+        return ""
+    with suppress(OSError):  # the terminal was closed
+        if keys := os.read(0, 64):
+            return keys.decode(errors="replace")
+    time.sleep(seconds)
+    return ""
