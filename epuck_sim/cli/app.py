@@ -8,7 +8,6 @@ import typer
 from epuck_sim import __version__
 from epuck_sim.cli.films import films
 from epuck_sim.cli.options import Commands
-from epuck_sim.cli.replicate import replications
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
 from epuck_sim.cli.scenarios import news, scenarios
@@ -21,7 +20,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-for commands in (runs, scenarios, films, results, replications):
+for commands in (runs, scenarios, films, results):
     app.add_typer(commands)
 app.add_typer(news, name="new")
 
