@@ -246,7 +246,7 @@ def track(
         ),
     )
     from epuck_sim.cli.progress import progress_bar
-    from epuck_sim.cli.tables import print_track, print_track_json
+    from epuck_sim.cli.tables import print_track
     from epuck_sim.overhead.live import Watching, track_camera
     from epuck_sim.overhead.robots import find_robots, save_robots
     from epuck_sim.overhead.track import look_again, track_film
@@ -276,7 +276,7 @@ def track(
         tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
     robots_found = find_robots(tracked) if tags is not None or any(tables.values()) else None
     print_doubts((*tracked.warnings, *(robots_found.warnings if robots_found else ())))
-    (print_track_json if as_json else print_track)(tracked, robots_found)
+    print_track(tracked, robots_found, as_json=as_json)
     if robots_found is not None:
         save_robots(tracked, robots_found, flashes, trace, pairs)
     shown = None
@@ -316,7 +316,7 @@ def compare_film(
 ) -> None:
     """Print what FILM has of T_sync, flashes, speeds and clocks, beside the distributions in simulated trials."""
     from epuck_sim.cli.progress import progress_bar, trials_bar
-    from epuck_sim.cli.tables import print_comparison, print_comparison_json
+    from epuck_sim.cli.tables import print_comparison
     from epuck_sim.overhead import compare
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import track_film
@@ -354,7 +354,7 @@ def compare_film(
         print_stderr(f"warning: the film shows {shown} robots, {loaded.name} has {count}")
     rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
     fitted = compare.fitted_values(loaded, track, found)
-    (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)
+    print_comparison(film, loaded.name, rows, fitted, as_json=as_json)
     if fit is not None:
         compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
     if plot is not None:

@@ -170,18 +170,16 @@ def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
 NAMES_WIDTH = 27  # width of the names of results, in letters
 
 
-def print_track_json(track: "Track", robots: "Robots | None" = None) -> None:
-    """Print the summary of a track, and of who is who if that was asked for, as one JSON object on a line of stdout."""
+def print_track(track: "Track", robots: "Robots | None" = None, *, as_json: bool = False) -> None:
+    """Print the summary of a track on stdout, and of who is who if that was asked for: a table, or a JSON object."""
     from epuck_sim.overhead.robots import summary
 
-    identities = {} if robots is None else {"identities": summary(track, robots)}
-    print_json({**track.summary(), **identities})
-
-
-def print_track(track: "Track", robots: "Robots | None" = None) -> None:
-    """Print the summary of a track, and of who is who if that was asked for, as a readable table on stdout."""
+    identities = {} if robots is None else summary(track, robots)
+    if as_json:
+        print_json({**track.summary(), **({"identities": identities} if identities else {})})
+        return
     print(track.film)
-    for name, value in (*_lines_of_track(track), *(() if robots is None else _lines_about_robots(track, robots))):
+    for name, value in (*_lines_of_track(track), *(_lines_about(identities) if identities else ())):
         text = f"{name:{NAMES_WIDTH}}{value}"
         print(textwrap.fill(text, terminal_width() or 80, subsequent_indent=" " * NAMES_WIDTH))
 
@@ -212,14 +210,12 @@ def _settled_by(track: "Track") -> str:
     return f"; {', '.join(options)} may settle it" if options else ""
 
 
-def _lines_about_robots(track: "Track", robots: "Robots") -> Iterator[tuple[str, str]]:
-    from epuck_sim.overhead.robots import summary
-
-    found = summary(track, robots)
-    yield f"robots by {robots.by}", f"{len(robots.numbers)}"
-    yield "links between flashes", f"{found['links']}, of which {100 * found['unsure_share']:.0f} % are unsure"
-    yield "by phases", "never" if found["by_phases_s"] is None else f"{found['by_phases_s']:.1f} s"
-    yield "pairs that flash together", f"{found['pairs_together']}"
+def _lines_about(identities: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield f"robots by {identities['by']}", f"{len(identities['robots'])}"
+    unsure = f"{100 * identities['unsure_share']:.0f} % are unsure"
+    yield "links between flashes", f"{identities['links']}, of which {unsure}"
+    yield "by phases", "never" if identities["by_phases_s"] is None else f"{identities['by_phases_s']:.1f} s"
+    yield "pairs that flash together", f"{identities['pairs_together']}"
 
 
 def _if_estimated(track: "Track", name: str) -> str:
@@ -232,37 +228,39 @@ UNTOLD = (
 )
 
 
-def print_comparison_json(
-    film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: Mapping[str, Estimate]
-) -> None:
-    """Print one JSON object; null is what is not known, or lies beyond a film's or trial's end, which are counted."""
-    from epuck_sim.overhead.compare import judge
-
-    quantities = [
-        {
-            "name": row.name,
-            "unit": row.unit,
-            "film": row.film,
-            "film_is_beyond": math.isinf(row.film),
-            "percentile": row.percentile,
-            "trials": row.trials.tolist(),
-            "beyond": row.beyond,
-            "unknown": row.unknown,
-        }
-        for row in rows
-    ]
-    found = {"film": film, "scenario": scenario, "verdict": judge(rows), "quantities": quantities, "fitted": fitted}
-    print_json(found)
-
-
 def print_comparison(
-    film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: Mapping[str, Estimate]
+    film: str,
+    scenario: str,
+    rows: "Sequence[QuantityComparison]",
+    fitted: Mapping[str, Estimate],
+    *,
+    as_json: bool = False,
 ) -> None:
-    """Print the verdict, and readable tables, on stdout."""
+    """Print the verdict and readable tables on stdout, or one JSON object.
+
+    In JSON, null is what is not known, or lies beyond a film's or trial's end, which are counted.
+    """
     from epuck_sim.overhead.compare import judge
 
-    sentence = judge(rows).sentence
-    print(f"{sentence[0].upper()}{sentence[1:]}.\n")
+    verdict = judge(rows)
+    if as_json:
+        quantities = [
+            {
+                "name": row.name,
+                "unit": row.unit,
+                "film": row.film,
+                "film_is_beyond": math.isinf(row.film),
+                "percentile": row.percentile,
+                "trials": row.trials.tolist(),
+                "beyond": row.beyond,
+                "unknown": row.unknown,
+            }
+            for row in rows
+        ]
+        found = {"film": film, "scenario": scenario, "verdict": verdict, "quantities": quantities, "fitted": fitted}
+        print_json(found)
+        return
+    print(f"{verdict.sentence[0].upper()}{verdict.sentence[1:]}.\n")
     headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile"}
     title = f"{film} beside trials of {scenario}"
     compared = Table(title, [Row({}, _cells_of_quantity(row)) for row in rows], (), headings)
