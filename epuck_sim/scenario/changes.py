@@ -6,13 +6,8 @@ from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, TypeV
 
 from pydantic import AfterValidator, Field
 
-from epuck_sim.control.loader import find_controller
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range
-from epuck_sim.scenario.robot_kind import sensor_parameters
-from epuck_sim.scenario.robots import RobotGroup, members, resolve_parameters
 from epuck_sim.scenario.scenario import Condition
-from epuck_sim.util.messages import comma_list
 
 FAULTS = {
     "ring_dead": "ring",
@@ -151,27 +146,6 @@ AnyFault = Annotated[
 def concerns(whom: Sequence[int] | None, robots: range) -> bool:
     """Return whether any robot of these numbers is among those that are named; None names all."""
     return whom is None or any(robot in robots for robot in whom)
-
-
-def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -> None:
-    """Raise ValueError unless the robots of some groups can have these faults."""
-    robot_count = sum(group.count for group in groups)
-    check_numbers("faults", faults, robot_count)
-    for number, fault in enumerate(faults):
-        where = f"faults.{number}"
-        check_range(f"{where}.count", fault.count, 1, robot_count)
-        check_range(
-            f"{where}.share", fault.share, 0.5 / robot_count, 1, f": a smaller one of {robot_count} robots is none"
-        )
-        if isinstance(fault, SensorDead) and not any(fault.sensor in group.sensors for group in groups):
-            own = comma_list(dict.fromkeys(name for group in groups for name in group.sensors))
-            raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
-        for place, group, robots in members(groups):
-            if fault.changes == "flashes" and group.signal.kind == "radio" and concerns(fault.robots, robots):
-                raise ValueError(
-                    f"{where}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
-                    "give robots, the numbers of others, or robots.*.signal.loss"
-                )
 
 
 class TrialEvent(NamedTuple):
@@ -372,62 +346,3 @@ class RobotScheduleEntry(ScheduleEntry):
     def arena_values(self) -> dict[str, Any]:
         """Return the new values of the arena's keys, by their names in the section."""
         return {key.removeprefix("arena."): value for key, value in self.set.items() if key.startswith("arena.")}
-
-
-def check_schedule(
-    schedule: Sequence[RobotScheduleEntry],
-    groups: Sequence[RobotGroup],
-    faults: Sequence[FaultSection],
-    reference: int,
-) -> None:
-    """Raise ValueError if a schedule names groups, robots or faults that there are not, or removes the reference."""
-    check_numbers("schedule", schedule, sum(group.count for group in groups))
-    for number, entry in enumerate(schedule):
-        origin = f"schedule.{number}"
-        for group, _ in entry.parameters():
-            check_range(f"{origin}.set: the number of a group", group, 0, len(groups) - 1)
-        if reference in entry.remove:
-            raise ValueError(
-                f"{origin}.remove: {reference} is the reference, whose firings are counted, and stays; remove others, "
-                "or give another stop.reference_robot"
-            )
-        for key in ("begin", "end"):
-            for fault in getattr(entry, key):
-                if fault >= len(faults) or not faults[fault].scheduled:
-                    raise ValueError(f"{origin}.{key}: {fault} is no number of a fault with scheduled: true")
-                if key == "end" and faults[fault].kind == "restart":
-                    raise ValueError(f"{origin}.end: {fault} is a restart, which takes no time")
-
-
-def check_controllers(
-    faults: Sequence[FaultSection],
-    schedule: Sequence[RobotScheduleEntry],
-    groups: Sequence[RobotGroup],
-    swept: Sequence[str],
-    step_ms: int,
-    origin: str,
-) -> None:
-    """Raise ScenarioError if controllers do not have the phases or parameters that faults and a schedule change.
-
-    Nothing is known yet of groups whose controller is `swept`; all others have all their parameters.
-    """
-    known = [place for place in range(len(groups)) if f"robots.{place}.controller" not in swept]
-    kinds = ((f"faults.{number}", fault) for number, fault in enumerate(faults) if fault.changes == "phase")
-    displaced = ((number, entry.displace) for number, entry in enumerate(schedule) if entry.displace)
-    of_phases = [(f"{where}: kind is {fault.kind!r}, but", fault.robots) for where, fault in kinds]
-    of_phases += [(f"schedule.{number}.displace:", displace.robots) for number, displace in displaced]
-    for place, group, robots in members(groups):
-        concerning = [said for said, whom in of_phases if concerns(whom, robots)]
-        if concerning and place in known and not (controller := find_controller(group.controller)).is_oscillator:
-            raise ScenarioError(
-                f"{origin}: {concerning[0]} robots.{place} are no oscillators: their controller is {controller.name}; "
-                "give robots, the numbers of others"
-            )
-    for number, entry in enumerate(schedule):
-        for (place, sensor), values in entry.parameters().items():
-            group, where = groups[place], f"{origin}: schedule.{number}.set: robots.{place}"
-            if sensor is not None:
-                sensor_parameters(group.sensors, sensor, values, f"{where}.sensors")
-            elif place in known:
-                given = {**group.parameters, **values}
-                resolve_parameters(find_controller(group.controller), given, step_ms, where)

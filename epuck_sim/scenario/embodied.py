@@ -4,7 +4,6 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -14,17 +13,12 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import ArenaSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
-from epuck_sim.scenario.changes import (
-    AnyFault,
-    RobotScheduleEntry,
-    check_controllers,
-    check_faults,
-    check_schedule,
-)
+from epuck_sim.scenario.changes import AnyFault, RobotScheduleEntry, SensorDead, check_numbers, concerns
 from epuck_sim.scenario.overhead import OverheadSection
-from epuck_sim.scenario.robot_kind import RobotKind, check_readings
-from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group
-from epuck_sim.scenario.scenario import Scenario, StopSection, check_measures_of_present
+from epuck_sim.scenario.robot_kind import RobotKind, check_readings, sensor_parameters
+from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group, resolve_parameters
+from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.util.messages import comma_list
 
 
 class ContactSection(ConfigModel):
@@ -106,6 +100,10 @@ ROBOT_BYTES, GROUP_BYTES, PIXEL_BYTES = 4800, 15_000, 8
 measured with 10,000 to 100,000 robots and with 4,000 to 20,000 groups."""
 
 
+OF_PRESENT = ("order_parameter", "threshold_cycles", "stays_above", "below_threshold", "moved")
+"""Shipped measures that count those robots alone that are in the arena."""
+
+
 UNLIMITED_S = 600.0
 """Time in s after which a trial ends whose reference is no oscillator, and that has no limit of its own."""
 
@@ -162,8 +160,8 @@ class EmbodiedScenario(Scenario):
         for number, group in enumerate(self.robots):
             key, control_hz = f"robots.{number}.camera.frames_per_s", self.timing.control_hz
             check_range(key, group.camera.frames_per_s, 0.1, control_hz, " (timing.control_hz)")
-        check_faults(self.faults, self.robots)
-        check_schedule(self.schedule, self.robots, self.faults, reference)
+        self._check_faults()
+        self._check_schedule()
         if not self.present[reference]:
             raise ValueError(
                 f"stop.reference_robot is {reference}, which is not present at the start; allowed: a robot of a group "
@@ -173,6 +171,41 @@ class EmbodiedScenario(Scenario):
         tags = self.overhead.tags
         if tags is not None and self.robot_count > int(tags.partition("_")[2]):
             raise ValueError(f"overhead.tags is {tags!r}, which has no tag for each of {self.robot_count} robots")
+
+    def _check_faults(self) -> None:
+        check_numbers("faults", self.faults, self.robot_count)
+        for number, fault in enumerate(self.faults):
+            where, none = f"faults.{number}", f": a smaller one of {self.robot_count} robots is none"
+            check_range(f"{where}.count", fault.count, 1, self.robot_count)
+            check_range(f"{where}.share", fault.share, 0.5 / self.robot_count, 1, none)
+            if isinstance(fault, SensorDead) and fault.sensor not in self.sensor_names:
+                own = comma_list(self.sensor_names)
+                raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
+            for place, group, robots in members(self.robots):
+                if fault.changes == "flashes" and group.signal.kind == "radio" and concerns(fault.robots, robots):
+                    raise ValueError(
+                        f"{where}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
+                        "give robots, the numbers of others, or robots.*.signal.loss"
+                    )
+
+    def _check_schedule(self) -> None:
+        check_numbers("schedule", self.schedule, self.robot_count)
+        reference = self.stop.reference_robot
+        for number, entry in enumerate(self.schedule):
+            origin = f"schedule.{number}"
+            for group, _ in entry.parameters():
+                check_range(f"{origin}.set: the number of a group", group, 0, len(self.robots) - 1)
+            if reference in entry.remove:
+                raise ValueError(
+                    f"{origin}.remove: {reference} is the reference, whose firings are counted, and stays; remove "
+                    "others, or give another stop.reference_robot"
+                )
+            for key in ("begin", "end"):
+                for fault in getattr(entry, key):
+                    if fault >= len(self.faults) or not self.faults[fault].scheduled:
+                        raise ValueError(f"{origin}.{key}: {fault} is no number of a fault with scheduled: true")
+                    if key == "end" and self.faults[fault].kind == "restart":
+                        raise ValueError(f"{origin}.end: {fault} is a restart, which takes no time")
 
     @property
     def robot_count(self) -> int:
@@ -226,7 +259,7 @@ class EmbodiedScenario(Scenario):
         """What is allowed and may not be meant: no T_sync, and what never happens; see `Scenario.notes`."""
         stop, found = self.stop, super().notes
         is_limited = stop.order_parameter is None or "max_time_s" in stop.model_fields_set
-        if not is_limited and not self._may_have_t_sync(self.robots, self.swept):
+        if not is_limited and not self._may_have_t_sync():
             ends = (
                 f"{stop.max_cycles} cycles of 5 s"
                 if stop.max_time_s is None
@@ -270,27 +303,61 @@ class EmbodiedScenario(Scenario):
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with controllers, measures, parameters and the floor's picture found; see `Scenario`."""
-        swept = self.swept
-        step_ms, robots = self.timing.step_ms, list[RobotGroup]()
+        robots: list[RobotGroup] = []
         for number, group in enumerate(self.robots):
-            where, is_swept = f"{origin}: robots.{number}", f"robots.{number}.controller" in swept
-            robots.append(resolve_group(group, step_ms, where, folder, controller_is_swept=is_swept))
+            where, is_swept = f"{origin}: robots.{number}", f"robots.{number}.controller" in self.swept
+            robots.append(resolve_group(group, self.timing.step_ms, where, folder, controller_is_swept=is_swept))
         check_readings([group.sensors for group in robots], origin)
-        check_controllers(self.faults, self.schedule, robots, swept, step_ms, origin)
-        floor = self.arena.floor
+        found = self.model_copy(update={"robots": tuple(robots)})
+        found._check_controllers(origin)
+        floor, stop = self.arena.floor, self.stop
         with refused_at(f"{origin}: arena.floor.picture"):
             picture = floor.picture and find_picture(floor.picture, folder)
         arena = self.arena.model_copy(update={"floor": floor.model_copy(update={"picture": picture})})
-        stop = self.stop
-        if not self._may_have_t_sync(robots, swept):
+        if not found._may_have_t_sync():
             stop = stop.limited(max((each.at_s or 0.0 for each in (*self.schedule, *self.faults)), default=0.0))
-        resolved = self.model_copy(update={"robots": tuple(robots), "arena": arena, "stop": stop})
-        resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
-        if self.members_change:
-            check_measures_of_present(resolved.measures, origin)
-        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in swept):
-            resolved._check_arenas(f"{origin}: schedule")
-        return resolved
+        found = found.model_copy(update={"arena": arena, "stop": stop})
+        found = super(EmbodiedScenario, found).resolved(origin, folder)
+        if found.members_change:
+            found._check_measures(origin)
+        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in self.swept):
+            found._check_arenas(f"{origin}: schedule")
+        return found
+
+    def _check_controllers(self, origin: str) -> None:
+        """Raise ScenarioError if controllers do not have the phases or parameters that faults and a schedule change.
+
+        Nothing is known yet of groups whose controller is swept; all others have all their parameters.
+        """
+        known = [place for place in range(len(self.robots)) if f"robots.{place}.controller" not in self.swept]
+        kinds = ((f"faults.{number}", fault) for number, fault in enumerate(self.faults) if fault.changes == "phase")
+        displaced = ((number, entry.displace) for number, entry in enumerate(self.schedule) if entry.displace)
+        of_phases = [(f"{where}: kind is {fault.kind!r}, but", fault.robots) for where, fault in kinds]
+        of_phases += [(f"schedule.{number}.displace:", displace.robots) for number, displace in displaced]
+        for place, group, robots in members(self.robots):
+            concerning = [said for said, whom in of_phases if concerns(whom, robots)]
+            if concerning and place in known and not (controller := find_controller(group.controller)).is_oscillator:
+                raise ScenarioError(
+                    f"{origin}: {concerning[0]} robots.{place} are no oscillators: their controller is "
+                    f"{controller.name}; give robots, the numbers of others"
+                )
+        for number, entry in enumerate(self.schedule):
+            for (place, sensor), values in entry.parameters().items():
+                group, where = self.robots[place], f"{origin}: schedule.{number}.set: robots.{place}"
+                if sensor is not None:
+                    sensor_parameters(group.sensors, sensor, values, f"{where}.sensors")
+                elif place in known:
+                    given = {**group.parameters, **values}
+                    resolve_parameters(find_controller(group.controller), given, self.timing.step_ms, where)
+
+    def _check_measures(self, origin: str) -> None:
+        """Raise ScenarioError for shipped measures that take all robots to be in the arena throughout a trial."""
+        for number, section in enumerate(self.measures):
+            if not section.find().sources and section.measure not in OF_PRESENT:
+                raise ScenarioError(
+                    f"{origin}: measures.{number}: {section.measure} takes all robots to be in the arena, and some "
+                    f"come or go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
+                )
 
     def _check_arenas(self, origin: str) -> None:
         """Raise ScenarioError for an arena that an entry of the schedule makes and that is not allowed.
@@ -313,12 +380,13 @@ class EmbodiedScenario(Scenario):
             others = self.model_dump(include={"robot", "robots", "timing", "stop"})
             self.validated({**others, "arena": arena}, f"{origin}.{number}.set")
 
-    def _may_have_t_sync(self, robots: Sequence[RobotGroup], swept: Sequence[str]) -> bool:
+    def _may_have_t_sync(self) -> bool:
         """Return whether the reference is an oscillator, or may be one at a point of a sweep."""
-        place = next(place for place, _, numbers in members(robots) if self.stop.reference_robot in numbers)
-        if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(swept):
+        reference = self.stop.reference_robot
+        place, group = next((place, group) for place, group, numbers in members(self.robots) if reference in numbers)
+        if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(self.swept):
             return True
-        return find_controller(robots[place].controller).is_oscillator
+        return find_controller(group.controller).is_oscillator
 
 
 STAYING = {"movables", "floor", "lamps"}  # keys of the arena that stay as they are where walls and obstacles change

@@ -139,21 +139,6 @@ class MeasureSection(ConfigModel):
         return measure if self.shown_as is None else replace(measure, name=self.shown_as)
 
 
-OF_PRESENT = ("order_parameter", "threshold_cycles", "stays_above", "below_threshold", "moved")
-"""Shipped measures that count those robots alone that are in the arena."""
-
-
-def check_measures_of_present(measures: Sequence[MeasureSection], origin: str) -> None:
-    """Raise ScenarioError for shipped measures that take all robots to be in the arena throughout a trial."""
-    for number, section in enumerate(measures):
-        measure = section.find()
-        if not measure.sources and section.measure not in OF_PRESENT:
-            raise ScenarioError(
-                f"{origin}: measures.{number}: {section.measure} takes all robots to be in the arena, and some come or "
-                f"go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
-            )
-
-
 def check_condition(name: str, measures: Mapping[str, Measure], event_method: str, origin: str) -> None:
     """Raise ScenarioError unless a measure that a condition is on can be looked at while a trial runs.
 
@@ -300,8 +285,8 @@ class Scenario(ConfigModel):
                     said = f"{measure.name} is the name of two measures; give one of them another, such as"
                     raise ValueError(f"{said} {{{section.measure}: {{as: another}}}}")
             found[measure.name] = measure
-            with_all = {"measure": measure.stored_name, "parameters": parameters, "shown_as": section.shown_as}
-            sections.append(MeasureSection.model_construct(**with_all))
+            known = {"measure": measure.stored_name, "parameters": parameters}
+            sections.append(section.model_copy(update=known))
         for key, (condition, _) in self.conditions.items():
             check_condition(condition.measure, found, self.event_method, f"{origin}: {key}")
         return self.model_copy(update={"measures": tuple(sections)}) if sections else self
