@@ -28,22 +28,17 @@ WHEEL_LIMIT_CM_S = 12.8
 
 # --- infrared proximity sensors: numbered clockwise seen from above, from front-right -------------
 
-INFRARED_POSITIONS_CM = np.array(
-    [
-        (3.35, -1.05),
-        (2.30, -2.60),
-        (0.00, -3.30),
-        (-3.00, -1.80),
-        (-3.00, 1.80),
-        (0.00, 3.30),
-        (2.30, 2.60),
-        (3.35, 1.05),
-    ]
+INFRARED_SENSORS = (
+    (3.35, -1.05, -18.0),
+    (2.30, -2.60, -45.0),
+    (0.00, -3.30, -90.0),
+    (-3.00, -1.80, -142.0),
+    (-3.00, 1.80, 142.0),
+    (0.00, 3.30, 90.0),
+    (2.30, 2.60, 45.0),
+    (3.35, 1.05, 18.0),
 )
-"""(8, 2) cm: positions of the sensors (Enki 2.x e-puck model)."""
-
-INFRARED_DIRECTIONS_DEG = np.array([-18.0, -45.0, -90.0, -142.0, 142.0, 90.0, 45.0, 18.0])
-"""(8,) degrees: directions of the sensors (Enki 2.x e-puck model)."""
+"""Position in cm, and direction in degrees, of each sensor (Enki 2.x e-puck model)."""
 
 INFRARED_SPREAD_DEG = 15.0
 """Angle in degrees between a sensor's centre ray and each of its two side rays (Enki 2.x e-puck model)."""

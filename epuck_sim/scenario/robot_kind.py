@@ -100,10 +100,6 @@ def resolve_sensor(
 
 ROUNDING_CM = 1e-9  # distance by which a sensor may lie beyond the body's edge
 
-_EPUCK_SENSORS: tuple[tuple[float, float, float], ...] = tuple(
-    map(tuple, np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG]).tolist())
-)
-
 ROBOT = Kind(
     noun="robot",
     error=ScenarioError,
@@ -227,7 +223,7 @@ class ProximitySection(ConfigModel):
     """The infrared proximity sensors of a robot, `null` for one without any; what is left out is the e-puck's."""
 
     sensors: Annotated[tuple[tuple[Number, Number, Number], ...], Field(min_length=1, max_length=SENSORS)] = (
-        _EPUCK_SENSORS
+        epuck.INFRARED_SENSORS
     )
     """`x_cm, y_cm, direction_deg` of each: x ahead and y left of the axle's centre, directions counter-clockwise."""
     spread_deg: Annotated[Number, Field(gt=0, le=80)] = epuck.INFRARED_SPREAD_DEG

@@ -55,8 +55,7 @@ def test_the_response_peaks_nearer_than_3_mm_and_ends_after_12_cm_the_table_at_2
     assert distance_mm(5000.0) == 3
     assert infrared.firmware_table_mm(math.nextafter(29.0, 0.0)) == infrared.firmware_table_mm(0.0) == NOTHING_MM
     assert infrared.firmware_table_mm(5000.0) == 0
-    found = np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG])
-    np.testing.assert_array_equal(found, scenes.SENSORS)
+    np.testing.assert_array_equal(epuck.INFRARED_SENSORS, scenes.SENSORS)
     assert epuck.INFRARED_RANGE_CM == 12
 
 
