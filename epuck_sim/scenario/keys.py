@@ -41,10 +41,10 @@ def axis_key(typed: str, rows: Rows, where: str) -> str:
 MAX_PARTS = 20  # largest number of parts of a dotted key; those of scenarios have up to six
 
 
-def parse_setting(setting: str, option: str = "--set") -> tuple[str, Any]:
+def parse_setting(setting: str) -> tuple[str, Any]:
     """Return the key and the value of a change given as `key=value`."""
-    key, text = _parted(setting, option, "key=value, such as max_cycles=100")
-    return key, parse_yaml(text, f"{option} {setting}")
+    key, text = _parted(setting, "--set", "key=value, such as max_cycles=100")
+    return key, parse_yaml(text, f"--set {setting}")
 
 
 def parse_axis(axis: str, option: str) -> tuple[str, list[Any]]:
