@@ -8,18 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
+from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_stderr, reject_first
-from epuck_sim.cli.options import (
-    WEB_PORT,
-    JsonOption,
-    PortOption,
-    ScenarioArgument,
-    SetOption,
-    check_outputs,
-    options_of,
-    output_option,
-    read_scenario,
-)
+from epuck_sim.cli.options import argument, option, output_option
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import LEAST_ORDER
 
@@ -28,58 +19,51 @@ if TYPE_CHECKING:
 
 films = typer.Typer()
 
-film_option, geometry_option, decision_option, camera_option = options_of("Film", "Geometry", "Decision", "Live camera")
+film_option, geometry_option, decision_option, camera_option = options.options_of(
+    "Film", "Geometry", "Decision", "Live camera"
+)
 
 
 def arena_option(otherwise: str) -> Any:
     """Return the option of the floor's size, whose help says what it is if the film does not describe it."""
-    return geometry_option(
-        "--arena-cm",
-        metavar="SIDE|WIDTHxHEIGHT",
-        help=f"Size of the floor; by default as the film describes it, or {otherwise}.",
-    )
+    said = f"Size of the floor; by default as the film describes it, or {otherwise}."
+    return geometry_option("--arena-cm SIDE|WIDTHxHEIGHT", said)
 
 
 ArenaOption = Annotated[str | None, arena_option("60")]
 HeightOption = Annotated[
     float | None,
     geometry_option(
-        "--height-cm",
-        min=10,
-        max=100_000,
-        help="Height of the camera above the floor; by default 110 for a side of 60.",
+        "--height-cm", "Height of the camera above the floor; by default 110 for a side of 60.", min=10, max=100_000
     ),
 ]
 CornersOption = Annotated[
     str | None,
-    geometry_option(
-        metavar="X,Y,X,Y,X,Y,X,Y", help="The floor's four corners, in any order, in pixels from the upper left."
-    ),
+    geometry_option("X,Y,X,Y,X,Y,X,Y", "The floor's four corners, in any order, in pixels from the upper left."),
 ]
-LensOption = Annotated[
-    Path | None, geometry_option(metavar="FILE.json", help="The lens of the camera, written by `calibrate`.")
-]
+LensOption = Annotated[Path | None, geometry_option("FILE.json", "The lens of the camera, written by `calibrate`.")]
 TagsOption = Annotated[
     str | None,
     film_option(
-        metavar="DICTIONARY[:NUMBERS]",
-        help="Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
+        "DICTIONARY[:NUMBERS]",
+        "Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
     ),
 ]
 PeriodOption = Annotated[
     float | None,
     decision_option(
         "--period-s",
+        "Period of the oscillators; by default as the film describes it, or estimated.",
         min=0.1,
         max=86_400,
-        help="Period of the oscillators; by default as the film describes it, or estimated.",
     ),
 ]
 RobotsOption = Annotated[
     int | None,
     decision_option(
+        "--robots",
+        "Number of robots; by default as the film describes it. T_sync is unknown if flashes do not add up to it.",
         min=1,
-        help="Number of robots; by default as the film describes it. T_sync is unknown if flashes do not add up to it.",
     ),
 ]
 
@@ -109,17 +93,12 @@ def scene_options(
 
 @films.command()
 def film(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="FILE.rrd of a trial, made by `run --record`.")
-    ],
-    to: Annotated[Path, typer.Argument(metavar="FILE.mp4", help="The film: H.264, which any browser plays.")],
+    recording: Annotated[Path, argument("RECORDING", "FILE.rrd of a trial, made by `run --record`.")],
+    to: Annotated[Path, argument("FILE.mp4", "The film: H.264, which any browser plays.")],
     settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change the camera, as in light=lit; repeatable."),
+        list[str] | None, option("--set KEY=VALUE", "Change the camera, as in light=lit; repeatable.")
     ] = None,
-    lens: Annotated[
-        Path | None, typer.Option(metavar="FILE.json", help="Film through this lens, written by `calibrate`.")
-    ] = None,
+    lens: Annotated[Path | None, option("FILE.json", "Film through this lens, written by `calibrate`.")] = None,
 ) -> None:
     """Film a recorded trial with the webcam above the arena: lit rings in the dark, or everything in a lit room."""
     from epuck_sim.cli.progress import progress_bar
@@ -130,15 +109,13 @@ def film(
 
 @films.command()
 def calibrate(
-    film: Annotated[str, typer.Argument(metavar="FILM", help="A film or numbered pictures of a board that is moved.")],
-    to: Annotated[Path, typer.Argument(metavar="FILE.json", help="The lens, for `track --lens` and `film --lens`.")],
-    board: Annotated[
-        str, typer.Option(metavar="COLUMNSxROWS", help="Number of squares across and down the board.")
-    ] = "9x6",
+    film: Annotated[str, argument("FILM", "A film or numbered pictures of a board that is moved.")],
+    to: Annotated[Path, argument("FILE.json", "The lens, for `track --lens` and `film --lens`.")],
+    board: Annotated[str, option("COLUMNSxROWS", "Number of squares across and down the board.")] = "9x6",
     charuco: Annotated[
-        bool, typer.Option("--charuco", help="A ChArUco board (dictionary 5X5_100) instead of a checkerboard.")
+        bool, option("--charuco", "A ChArUco board (dictionary 5X5_100) instead of a checkerboard.")
     ] = False,
-    fisheye: Annotated[bool, typer.Option("--fisheye", help="A fisheye lens, wider than about 120 degrees.")] = False,
+    fisheye: Annotated[bool, option("--fisheye", "A fisheye lens, wider than about 120 degrees.")] = False,
 ) -> None:
     """Calibrate the lens of a camera from a film of a checkerboard or ChArUco board."""
     from epuck_sim.cli.progress import progress_bar
@@ -146,7 +123,7 @@ def calibrate(
     from epuck_sim.overhead.lens import APART_S, Board, calibrate_lens, find_views, save_lens
 
     squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
-    check_outputs({"the film": film}, {"the lens": (to, [".json"])}, {})
+    options.check_outputs({"the film": film}, {"the lens": (to, [".json"])}, {})
     with open_film(film) as reader:
         frames = progress_bar("calibrating")(reader.frames(), reader.duration_s)
         views = find_views(frames, squares, 0.0 if reader.is_pictures else APART_S)
@@ -157,27 +134,24 @@ def calibrate(
 
 @films.command()
 def track(
-    film: Annotated[
-        str | None, typer.Argument(metavar="FILM", help="The file of a film, of any format, or its URL.")
-    ] = None,
+    film: Annotated[str | None, argument("FILM", "The file of a film, of any format, or its URL.")] = None,
     camera: Annotated[
-        int | None, film_option(min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.")
+        int | None,
+        film_option("--camera", "Track a live camera instead, until the swarm is synchronised or Ctrl-C.", min=0),
     ] = None,
     web: Annotated[
-        bool, camera_option("--web", help="Show what --camera sees, with rings and histogram, in a browser.")
+        bool, camera_option("--web", "Show what --camera sees, with rings and histogram, in a browser.")
     ] = False,
-    port: PortOption = None,
-    record: Annotated[
-        Path | None, camera_option(metavar="FILE.mp4", help="Write what --camera sees, to track it again.")
-    ] = None,
+    port: options.PortOption = None,
+    record: Annotated[Path | None, camera_option("FILE.mp4", "Write what --camera sees, to track it again.")] = None,
     start: Annotated[
-        float, film_option("--start-s", min=0, help="Leave out what is before this time on the film's clock.")
+        float, film_option("--start-s", "Leave out what is before this time on the film's clock.", min=0)
     ] = 0.0,
     end: Annotated[
-        float | None, film_option("--end-s", min=0, help="Leave out what is after this time on the film's clock.")
+        float | None, film_option("--end-s", "Leave out what is after this time on the film's clock.", min=0)
     ] = None,
     fps: Annotated[
-        float | None, film_option(min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.")
+        float | None, film_option("--fps", "Frames per second, instead of the film's time stamps.", min=0.1, max=10_000)
     ] = None,
     arena: ArenaOption = None,
     height: HeightOption = None,
@@ -190,47 +164,42 @@ def track(
         float | None,
         decision_option(
             "--threshold-ms",
+            "Histogram: standard deviation of a period's flashes at synchrony; by default about 130 for 5 s.",
             min=1,
             max=86_400_000,
-            help="Histogram: standard deviation of a period's flashes at synchrony; by default about 130 for 5 s.",
         ),
     ] = None,
     order: Annotated[
         float | None,
         decision_option(
             "--order-parameter",
+            "T_sync: order parameter from which the swarm is synchronised; by default 0.95.",
             min=LEAST_ORDER,
             max=1,
-            help="T_sync: order parameter from which the swarm is synchronised; by default 0.95.",
         ),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
     plot: Annotated[
-        Path | None,
-        output_option(metavar="FILE.png", help="Draw the histogram over time; its table is written beside it as .csv."),
+        Path | None, output_option("FILE.png", "Draw the histogram over time; its table is written beside it as .csv.")
     ] = None,
     rings: Annotated[
-        Path | None, output_option(metavar="FILE.csv", help="Write the position and size of every ring in every frame.")
+        Path | None, output_option("FILE.csv", "Write the position and size of every ring in every frame.")
     ] = None,
     flashes: Annotated[
         Path | None,
-        output_option(
-            metavar="FILE.csv|.parquet", help="Write when, how long and where each flash was, and whose it is."
-        ),
+        output_option("FILE.csv|.parquet", "Write when, how long and where each flash was, and whose it is."),
     ] = None,
     trace: Annotated[
         Path | None,
         output_option(
-            metavar="FILE.parquet|.csv",
-            help="Write a row for each robot and frame, with columns that `run --trace` writes, too.",
+            "FILE.parquet|.csv", "Write a row for each robot and frame, with columns that `run --trace` writes, too."
         ),
     ] = None,
     pairs: Annotated[
-        Path | None, output_option(metavar="FILE.csv|.parquet", help="Write how often each two robots flash together.")
+        Path | None, output_option("FILE.csv|.parquet", "Write how often each two robots flash together.")
     ] = None,
     annotate: Annotated[
-        Path | None,
-        output_option(metavar="FILE.mp4", help="Write the film with the rings found and the histogram drawn."),
+        Path | None, output_option("FILE.mp4", "Write the film with the rings found and the histogram drawn.")
     ] = None,
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
@@ -251,7 +220,7 @@ def track(
     from epuck_sim.overhead.robots import find_robots, save_robots
     from epuck_sim.overhead.track import look_again, track_film
 
-    options = scene_options(arena, height, corners, period, robots, tags)._replace(
+    scene = scene_options(arena, height, corners, period, robots, tags)._replace(
         threshold_ms=threshold,
         order_parameter=order,
         start_s=start,
@@ -267,13 +236,13 @@ def track(
         "--record": (record, [".mp4"]),
     }
     inputs = {} if film is None else {"the film": film}
-    check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
+    options.check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
     if camera is not None and period is not None:
-        watching = Watching(record, rings, annotate, (port or WEB_PORT) if web else None)
-        tracked = track_camera(camera, options, watching, progress_bar("tracking"), print_stderr, lens)
+        watching = Watching(record, rings, annotate, (port or options.WEB_PORT) if web else None)
+        tracked = track_camera(camera, scene, watching, progress_bar("tracking"), print_stderr, lens)
     else:
         assert film is not None  # otherwise it was refused above
-        tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
+        tracked = track_film(film, scene, rings, progress_bar("tracking"), lens)
     robots_found = find_robots(tracked) if tags is not None or any(tables.values()) else None
     print_doubts((*tracked.warnings, *(robots_found.warnings if robots_found else ())))
     print_track(tracked, robots_found, as_json=as_json)
@@ -290,10 +259,10 @@ def track(
 
 @films.command("compare-film")
 def compare_film(
-    film: Annotated[str, typer.Argument(metavar="FILM", help="The file of a film, of any format, or its URL.")],
-    scenario: ScenarioArgument,
-    settings: SetOption = None,
-    trials: Annotated[int, typer.Option(min=1, max=10_000, help="Number of simulated trials.")] = 40,
+    film: Annotated[str, argument("FILM", "The file of a film, of any format, or its URL.")],
+    scenario: options.ScenarioArgument,
+    settings: options.SetOption = None,
+    trials: Annotated[int, option("--trials", "Number of simulated trials.", min=1, max=10_000)] = 40,
     arena: Annotated[str | None, arena_option("as in SCENARIO")] = None,
     height: HeightOption = None,
     corners: CornersOption = None,
@@ -301,17 +270,17 @@ def compare_film(
     tags: TagsOption = None,
     period: PeriodOption = None,
     robots: RobotsOption = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
     plot: Annotated[
         Path | None,
         output_option(
-            metavar="STEM|FILE",
-            help="Draw the film beside the trials, as STEM.png and STEM.svg or one picture, FILE.png, FILE.svg or "
+            "STEM|FILE",
+            "Draw the film beside the trials, as STEM.png and STEM.svg or one picture, FILE.png, FILE.svg or "
             "FILE.pdf, with all values as CSV beside it.",
         ),
     ] = None,
     fit: Annotated[
-        Path | None, output_option(metavar="FILE.yaml", help="Write the scenario with what the film tells of robots.")
+        Path | None, output_option("FILE.yaml", "Write the scenario with what the film tells of robots.")
     ] = None,
 ) -> None:
     """Print what FILM has of T_sync, flashes, speeds and clocks, beside the distributions in simulated trials."""
@@ -325,9 +294,9 @@ def compare_film(
 
     swapped = f"{scenario}: is a film, not a scenario; give FILM first, then SCENARIO"
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
-    loaded = require_model(read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
+    loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
-    options = scene_options(arena, height, corners, period, robots, tags)
+    scene = scene_options(arena, height, corners, period, robots, tags)
     files = {}
     if plot is not None:
         from epuck_sim.figures.saving import check_files, parse_target
@@ -335,12 +304,12 @@ def compare_film(
         stem, formats = parse_target(plot)
         files["--plot"] = check_files(stem, (*formats, ".csv"))
     outputs = {"--plot": (plot, None), "--fit": (fit, [".yaml", ".yml"])}
-    check_outputs({"the film": film, "SCENARIO": scenario}, outputs, files)
+    options.check_outputs({"the film": film, "SCENARIO": scenario}, outputs, files)
     groups = len(loaded.robots)
     one = f"{loaded.name}: has {groups} groups of robots; allowed: one, to fit it to a film"
     reject_first((fit is not None and groups > 1, one))
     simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
-    track = track_film(film, options, None, progress_bar("tracking"), lens, simulated_cm)
+    track = track_film(film, scene, None, progress_bar("tracking"), lens, simulated_cm)
     found = find_robots(track)
     floor_cm = track.geometry.floor_cm
     print_doubts((*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings))

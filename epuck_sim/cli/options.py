@@ -20,9 +20,28 @@ FOLDED = ("More output", "Live view", "Controllers", "Sweeps", "Looks")
 """Headings of groups of options that `--help` leaves out, and `--help-all` shows."""
 
 
+def option(shown: str, said: str, heading: str | None = None, **more: Any) -> Any:
+    """Return an option as its help shows it: `--of NAME`, `--json` of a flag, or `FILE.csv` of what a parameter names.
+
+    Args:
+        shown: Its name, if that is not the parameter's, and what its value is called, if it is no flag.
+        said: Its help.
+        heading: Group of options in which it is.
+        more: What `typer.Option` takes besides.
+    """
+    name, _, value = shown.partition(" ") if shown.startswith("-") else ("", "", shown)
+    names = [name] if name else []
+    return typer.Option(*names, metavar=value or None, help=said, rich_help_panel=heading, **more)
+
+
+def argument(shown: str, said: str, **more: Any) -> Any:
+    """Return an argument as its help shows it; `more` is what `typer.Argument` takes besides."""
+    return typer.Argument(metavar=shown, help=said, **more)
+
+
 def options_of(*headings: str) -> Iterator[Callable[..., Any]]:
-    """Yield what makes an option of the group with each of these headings, as `typer.Option` does."""
-    return (partial(typer.Option, rich_help_panel=heading) for heading in headings)
+    """Yield what makes an option of the group with each of these headings, see `option`."""
+    return (partial(option, heading=heading) for heading in headings)
 
 
 scenario_option, output_option = options_of("Scenario", "Output")
@@ -60,7 +79,7 @@ def _show_everything(ctx: typer.Context, wanted: bool) -> None:
 
 
 HelpAllOption = Annotated[
-    bool, typer.Option("--help-all", is_eager=True, callback=_show_everything, help="Show further options, too.")
+    bool, option("--help-all", "Show further options, too.", is_eager=True, callback=_show_everything)
 ]
 
 EVERYTHING = "epuck_sim.everything"  # key in click's context that says that nothing is left out of a help
@@ -96,72 +115,59 @@ def complete(module: str, kind: str) -> Callable[[str], list[str]]:
 
 ScenarioArgument = Annotated[
     str,
-    typer.Argument(
-        metavar="SCENARIO",
-        help="A YAML file, a scenario's name (see `list`), or a run folder to go on with.",
+    argument(
+        "SCENARIO",
+        "A YAML file, a scenario's name (see `list`), or a run folder to go on with.",
         autocompletion=complete("epuck_sim.scenario.loader", "SCENARIO"),
         show_default=False,
     ),
 ]
-SetOption = Annotated[
-    list[str] | None, scenario_option("--set", metavar="KEY=VALUE", help="Change a value: count=5; repeatable.")
-]
+SetOption = Annotated[list[str] | None, scenario_option("--set KEY=VALUE", "Change a value: count=5; repeatable.")]
 AxesOption = Annotated[
     list[str] | None,
     scenario_option(
-        "--sweep",
-        metavar="KEY=V,V",
-        help="Add an axis: count=5,10, or count=5:50:10:lin for 10 even steps, :log for even factors; repeatable.",
+        "--sweep KEY=V,V",
+        "Add an axis: count=5,10, or count=5:50:10:lin for 10 even steps, :log for even factors; repeatable.",
     ),
 ]
-TrialsOption = Annotated[
-    int | None, scenario_option(metavar="N", min=1, max=10_000_000, help="Trials, at each point of a sweep.")
-]
+TrialsOption = Annotated[int | None, scenario_option("N", "Trials, at each point of a sweep.", min=1, max=10_000_000)]
 ControllerOption = Annotated[
     str | None,
     scenario_option(
-        metavar="FILE",
-        help="Run this controller on all robots, with their parameters.",
+        "FILE",
+        "Run this controller on all robots, with their parameters.",
         autocompletion=complete("epuck_sim.control.loader", "CONTROLLER"),
     ),
 ]
 MeasureOption = Annotated[
     list[str] | None,
     scenario_option(
-        "--measure",
-        metavar="FILE",
-        help="Measure more, by a name (`list --measures`) or file; repeatable.",
+        "--measure FILE",
+        "Measure more, by a name (`list --measures`) or file; repeatable.",
         autocompletion=complete("epuck_sim.measures.measure", "MEASURE"),
     ),
 ]
-QuickOption = Annotated[bool, scenario_option("--quick", help="Take the scenario's quick version.")]
-WorkersOption = Annotated[int | None, sweeps_option(metavar="N", min=1, help="Worker processes; all cores by default.")]
-DaskOption = Annotated[str | None, sweeps_option(metavar="ADDRESS", help="Run on this Dask scheduler's workers.")]
-PointOption = Annotated[int | None, sweeps_option(metavar="K", min=0, help="One trial of a sweep: its point, from 0.")]
-TrialOption = Annotated[int | None, sweeps_option(metavar="J", min=0, help="One trial of a sweep: its number, from 0.")]
-InterpretOption = Annotated[bool, controllers_option("--interpret", help="Run controllers as plain Python.")]
-WebOption = Annotated[bool, live_option("--web", help="Show it in a browser instead of a window.")]
-PortOption = Annotated[
-    int | None, live_option(metavar="PORT", min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default.")
-]
-FolderArgument = Annotated[
-    Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.", show_default=False)
-]
-FoldersArgument = Annotated[
-    list[Path], typer.Argument(metavar="FOLDER...", help="Run folders, as `run --out` makes them.")
-]
+QuickOption = Annotated[bool, scenario_option("--quick", "Take the scenario's quick version.")]
+WorkersOption = Annotated[int | None, sweeps_option("N", "Worker processes; all cores by default.", min=1)]
+DaskOption = Annotated[str | None, sweeps_option("ADDRESS", "Run on this Dask scheduler's workers.")]
+PointOption = Annotated[int | None, sweeps_option("K", "One trial of a sweep: its point, from 0.", min=0)]
+TrialOption = Annotated[int | None, sweeps_option("J", "One trial of a sweep: its number, from 0.", min=0)]
+InterpretOption = Annotated[bool, controllers_option("--interpret", "Run controllers as plain Python.")]
+WebOption = Annotated[bool, live_option("--web", "Show it in a browser instead of a window.")]
+PortOption = Annotated[int | None, live_option("PORT", f"Port of --web; {WEB_PORT} by default.", min=1, max=65535)]
+FolderArgument = Annotated[Path, argument("FOLDER", "A run folder, as `run --out` makes it.", show_default=False)]
+FoldersArgument = Annotated[list[Path], argument("FOLDER...", "Run folders, as `run --out` makes them.")]
 OfOption = Annotated[
     str | None,
-    typer.Option(
-        "--of",
-        metavar="NAME",
-        help="A measure of the folder's trials; T_sync by default.",
+    option(
+        "--of NAME",
+        "A measure of the folder's trials; T_sync by default.",
         callback=lambda of: None if of == "T_sync" else of,
     ),
 ]
-TrustOption = Annotated[bool, sweeps_option("--trust", help="Run the code that another's run folder brings, as you.")]
-JsonOption = Annotated[bool, output_option("--json", help="Print JSON.")]
-CsvOption = Annotated[bool, output_option("--csv", help="Print the table as CSV.")]
+TrustOption = Annotated[bool, sweeps_option("--trust", "Run the code that another's run folder brings, as you.")]
+JsonOption = Annotated[bool, output_option("--json", "Print JSON.")]
+CsvOption = Annotated[bool, output_option("--csv", "Print the table as CSV.")]
 
 
 def both(as_json: bool, as_csv: bool) -> tuple[bool, str]:

@@ -12,7 +12,7 @@ import typer
 
 from epuck_sim.cli import options
 from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first
-from epuck_sim.cli.options import looks_option
+from epuck_sim.cli.options import argument, looks_option, option
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.util.messages import counted
 
@@ -36,7 +36,7 @@ Form = StrEnum("Form", ["CURVES", "MAP", "VIOLINS", "SERIES", "PERTURBATION", "C
 @results.command("export")
 def export_results(
     folder: options.FolderArgument,
-    to: Annotated[Path, typer.Option(metavar="FILE", help="A .parquet or .csv file; a row for each trial.")],
+    to: Annotated[Path, option("FILE", "A .parquet or .csv file; a row for each trial.")],
 ) -> None:
     """Write the results of a sweep as one table."""
     from epuck_sim.runs.export import export
@@ -75,10 +75,10 @@ def summarize(
 
 @results.command()
 def fit(
-    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of sweeps over speed.")],
-    statistic: Annotated[Statistic, typer.Option("--statistic", help=_STATISTIC_HELP)] = Statistic.MEAN,
+    folders: Annotated[list[Path], argument("FOLDER...", "Run folders of sweeps over speed.")],
+    statistic: Annotated[Statistic, option("--statistic", _STATISTIC_HELP)] = Statistic.MEAN,
     of: options.OfOption = None,
-    x: Annotated[str | None, typer.Option("--x", metavar="KEY", help="Axis of --of; by default the speed.")] = None,
+    x: Annotated[str | None, option("--x KEY", "Axis of --of; by default the speed.")] = None,
     as_json: options.JsonOption = False,
     as_csv: options.CsvOption = False,
 ) -> None:
@@ -105,22 +105,15 @@ def fit(
 
 @results.command()
 def compare(
-    folders: Annotated[
-        list[Path], typer.Argument(metavar="FOLDER...", help="Run folders with the same axes; or one, for --axis.")
-    ],
+    folders: Annotated[list[Path], argument("FOLDER...", "Run folders with the same axes; or one, for --axis.")],
     axis: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KEY=A,B,...", help="Compare values of an axis of one folder: robots.0.count=5,10"),
+        list[str] | None, option("KEY=A,B,...", "Compare values of an axis of one folder: robots.0.count=5,10")
     ] = None,
     points: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="K,L,...", help="Compare these points, one of each folder, whatever its axes are; repeatable."
-        ),
+        option("K,L,...", "Compare these points, one of each folder, whatever its axes are; repeatable."),
     ] = None,
-    with_first: Annotated[
-        bool, typer.Option("--with-first", help="Compare each with the first, instead of all pairs.")
-    ] = False,
+    with_first: Annotated[bool, option("--with-first", "Compare each with the first, instead of all pairs.")] = False,
     of: options.OfOption = None,
     as_json: options.JsonOption = False,
     as_csv: options.CsvOption = False,
@@ -162,60 +155,48 @@ def compare(
 
 @results.command(cls=options.FoldedCommand)
 def plot(
-    results: Annotated[
-        list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of one scenario, or FILE.rrd, a recording.")
-    ],
+    results: Annotated[list[Path], argument("FOLDER...", "Run folders of one scenario, or FILE.rrd, a recording.")],
     of: options.OfOption = None,
     form: Annotated[
-        Form | None,
-        typer.Option(metavar="FORM", help=f"One of {', '.join(Form)}; by default as the scenario says, or curves."),
+        Form | None, option("FORM", f"One of {', '.join(Form)}; by default as the scenario says, or curves.")
     ] = None,
-    x: Annotated[str | None, typer.Option(metavar="KEY", help="Horizontal axis; by default the speed.")] = None,
-    y: Annotated[str | None, typer.Option(metavar="KEY", help="Vertical axis of a map.")] = None,
-    panels: Annotated[
-        str | None, typer.Option(metavar="KEY", help="Axis of curves that has a panel for each of its values.")
-    ] = None,
-    names: Annotated[
-        str | None, typer.Option(metavar="NAME,...", help="Names of several folders; by default, their own.")
-    ] = None,
+    x: Annotated[str | None, option("KEY", "Horizontal axis; by default the speed.")] = None,
+    y: Annotated[str | None, option("KEY", "Vertical axis of a map.")] = None,
+    panels: Annotated[str | None, option("KEY", "Axis of curves that has a panel for each of its values.")] = None,
+    names: Annotated[str | None, option("NAME,...", "Names of several folders; by default, their own.")] = None,
     to: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Write one picture, FILE.png, FILE.svg or FILE.pdf, or STEM.png, STEM.svg and so on; by default "
+        option(
+            "FILE",
+            "Write one picture, FILE.png, FILE.svg or FILE.pdf, or STEM.png, STEM.svg and so on; by default "
             "FOLDER/T_sync or FOLDER/NAME_OF_MEASURE, and -FORM where one is given, or the recording's name.",
         ),
     ] = None,
-    statistic: Annotated[Statistic | None, looks_option(metavar="NAME", help=_STATISTIC_HELP)] = None,
+    statistic: Annotated[Statistic | None, looks_option("NAME", _STATISTIC_HELP)] = None,
     censored_at: Annotated[
-        int | None,
-        looks_option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
+        int | None, looks_option("CYCLES", "For violins: estimate the mean as if trials were censored there.", min=1)
     ] = None,
     log: Annotated[
-        bool | None,
-        looks_option("--log/--linear", help="Scale of T_sync or the measure.", show_default="log for T_sync"),
+        bool | None, looks_option("--log/--linear", "Scale of T_sync or the measure.", show_default="log for T_sync")
     ] = None,
-    points: Annotated[bool, looks_option("--points", help="Draw each trial as a dot, in curves and violins.")] = False,
+    points: Annotated[bool, looks_option("--points", "Draw each trial as a dot, in curves and violins.")] = False,
     theory: Annotated[
-        bool, looks_option("--theory", help="Dash what predict says of T_sync against speed under the curves.")
+        bool, looks_option("--theory", "Dash what predict says of T_sync against speed under the curves.")
     ] = False,
-    title: Annotated[str | None, looks_option(metavar="TEXT", help="Title; by default there is none.")] = None,
+    title: Annotated[str | None, looks_option("TEXT", "Title; by default there is none.")] = None,
     label: Annotated[
-        list[str] | None,
-        looks_option(metavar="KEY=TEXT", help="Label of an axis, or of T_sync or a measure; may be repeated."),
+        list[str] | None, looks_option("KEY=TEXT", "Label of an axis, or of T_sync or a measure; may be repeated.")
     ] = None,
     width_cm: Annotated[
         float | None,
         looks_option(
-            metavar="CM",
+            "CM",
+            "Width of a sweep's figure: 8.5 cm, that of a column, or 17.5 cm, that of a page, for several panels.",
             min=5,
             max=100,
-            help="Width of a sweep's figure: 8.5 cm, that of a column, or 17.5 cm, that of a page, for several panels.",
         ),
     ] = None,
-    font_pt: Annotated[
-        float | None, looks_option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default.")
-    ] = None,
+    font_pt: Annotated[float | None, looks_option("PT", "Size of letters; 8 points by default.", min=4, max=30)] = None,
     help_all: options.HelpAllOption = False,  # noqa: ARG001
 ) -> None:
     """Draw T_sync or a measure of sweeps, as curves, a map or violins; their trials over time; or a recorded trial.
@@ -282,9 +263,7 @@ def _plot_trial(recording: Path, wanted: dict[str, Any], target: "Target | None"
 @results.command()
 def report(
     folder: options.FolderArgument,
-    to: Annotated[
-        Path | None, typer.Option(metavar="PAGE.html", help="The page; by default FOLDER.html, beside the folder.")
-    ] = None,
+    to: Annotated[Path | None, option("PAGE.html", "The page; by default FOLDER.html, beside the folder.")] = None,
 ) -> None:
     """Write a page about a sweep, complete in itself: what was run, tables, figures, failed trials, commands."""
     from epuck_sim.report.page import write_report
@@ -296,21 +275,14 @@ def report(
 
 @results.command()
 def plan(
-    sweep: Annotated[
-        str, typer.Argument(metavar="SCENARIO|FOLDER", help="A scenario that is to be run, or a run folder.")
-    ],
+    sweep: Annotated[str, argument("SCENARIO|FOLDER", "A scenario that is to be run, or a run folder.")],
     difference: Annotated[
         float | None,
-        typer.Option(
-            metavar="PERCENT", min=0.1, max=10_000, help="Of a run folder: the difference to be seen; 20 by default."
-        ),
+        option("PERCENT", "Of a run folder: the difference to be seen; 20 by default.", min=0.1, max=10_000),
     ] = None,
     of: options.OfOption = None,
     power: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PERCENT", min=5.0, max=99.9, help="How often it is to be seen, with p < 0.05; 80 by default."
-        ),
+        float | None, option("PERCENT", "How often it is to be seen, with p < 0.05; 80 by default.", min=5.0, max=99.9)
     ] = None,
     trials: options.TrialsOption = None,
     settings: options.SetOption = None,
@@ -318,7 +290,7 @@ def plan(
     quick: options.QuickOption = False,
     seconds: Annotated[
         float | None,
-        typer.Option(min=0.1, max=3600, help="Seconds to spend on timing trials of a scenario; 20 by default."),
+        option("--seconds", "Seconds to spend on timing trials of a scenario; 20 by default.", min=0.1, max=3600),
     ] = None,
     workers: options.WorkersOption = None,
     trust: options.TrustOption = False,
@@ -369,23 +341,17 @@ def plan(
 
 @results.command()
 def replicate(
-    claims: Annotated[
-        list[str] | None, typer.Argument(metavar="CLAIM...", help="Claims, such as R36; all by default.")
-    ] = None,
-    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of the page and its run folders.")] = Path(
-        "replication"
-    ),
+    claims: Annotated[list[str] | None, argument("CLAIM...", "Claims, such as R36; all by default.")] = None,
+    out: Annotated[Path, option("FOLDER", "Folder of the page and its run folders.")] = Path("replication"),
     file: Annotated[
-        Path | None,
-        typer.Option("--claims", metavar="FILE.yaml", help="Ask the claims of this file instead of the thesis's."),
+        Path | None, option("--claims FILE.yaml", "Ask the claims of this file instead of the thesis's.")
     ] = None,
-    only_list: Annotated[bool, typer.Option("--list", help="Print the claims, and run nothing.")] = False,
+    only_list: Annotated[bool, option("--list", "Print the claims, and run nothing.")] = False,
     until_decided: Annotated[
-        bool,
-        typer.Option("--until-decided", help="Add trials where claims are undecided, the cheapest first."),
+        bool, option("--until-decided", "Add trials where claims are undecided, the cheapest first.")
     ] = False,
     cpu_hours: Annotated[
-        float | None, typer.Option(min=0, metavar="H", help="Limit of the computing time that --until-decided adds.")
+        float | None, option("H", "Limit of the computing time that --until-decided adds.", min=0)
     ] = None,
     workers: options.WorkersOption = None,
     dask: options.DaskOption = None,

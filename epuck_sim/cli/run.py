@@ -9,9 +9,11 @@ import typer
 from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_traceback, reject_first
 from epuck_sim.cli.options import (
+    argument,
     controllers_option,
     live_option,
     more_output_option,
+    option,
     output_option,
     scenario_option,
     sweeps_option,
@@ -30,77 +32,58 @@ def run(
     settings: options.SetOption = None,
     axes: options.AxesOption = None,
     trials: options.TrialsOption = None,
-    seed: Annotated[
-        int | None, scenario_option(metavar="N", min=0, help="Master seed; the scenario's own by default.")
-    ] = None,
+    seed: Annotated[int | None, scenario_option("N", "Master seed; the scenario's own by default.", min=0)] = None,
     controller: options.ControllerOption = None,
     measures: options.MeasureOption = None,
     quick: options.QuickOption = False,
-    out: Annotated[
-        Path | None, output_option(metavar="FOLDER", help="Run all points and trials into a run folder.")
-    ] = None,
-    record: Annotated[
-        Path | None, output_option(metavar="FILE.rrd", help="Record for rerun's viewer, see `replay`.")
-    ] = None,
-    film: Annotated[
-        Path | None, output_option(metavar="FILE.mp4", help="Film with the camera above the arena.")
-    ] = None,
-    live: Annotated[bool, output_option("--live", help="Show the trial while it runs.")] = False,
+    out: Annotated[Path | None, output_option("FOLDER", "Run all points and trials into a run folder.")] = None,
+    record: Annotated[Path | None, output_option("FILE.rrd", "Record for rerun's viewer, see `replay`.")] = None,
+    film: Annotated[Path | None, output_option("FILE.mp4", "Film with the camera above the arena.")] = None,
+    live: Annotated[bool, output_option("--live", "Show the trial while it runs.")] = False,
     as_json: options.JsonOption = False,
-    trace: Annotated[
-        Path | None, more_output_option(metavar="FILE.parquet", help="Write every robot and step.")
-    ] = None,
+    trace: Annotated[Path | None, more_output_option("FILE.parquet", "Write every robot and step.")] = None,
     memory: Annotated[
         list[str] | None,
         more_output_option(
-            metavar="FIELD", help="Add a field of the controllers' MEMORY to --trace, --record and --live; repeatable."
+            "FIELD", "Add a field of the controllers' MEMORY to --trace, --record and --live; repeatable."
         ),
     ] = None,
     relations: Annotated[
-        bool, more_output_option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches.")
+        bool, more_output_option("--relations", "Add to --trace whom each robot sees lit, and whom it touches.")
     ] = False,
     level: Annotated[
-        Level | None, more_output_option("--record-level", help="How much is recorded, or shown live; full by default.")
+        Level | None, more_output_option("--record-level", "How much is recorded, or shown live; full by default.")
     ] = None,
     speed: Annotated[
-        float | None,
-        live_option(metavar="X", min=0.01, max=1000, help="Speed of --live, relative to real robots; 1 by default."),
+        float | None, live_option("X", "Speed of --live, relative to real robots; 1 by default.", min=0.01, max=1000)
     ] = None,
     web: options.WebOption = False,
     port: options.PortOption = None,
     interpret: options.InterpretOption = False,
     traceback: Annotated[
-        bool,
-        controllers_option("--traceback", help="Print the traceback of what a controller raises; for --interpret."),
+        bool, controllers_option("--traceback", "Print the traceback of what a controller raises; for --interpret.")
     ] = False,
     workers: options.WorkersOption = None,
     dask: options.DaskOption = None,
     share: Annotated[
         str | None,
-        sweeps_option(
-            metavar="K/N", help="Run only share K of N, into a folder of its own; `merge` puts shares together."
-        ),
+        sweeps_option("K/N", "Run only share K of N, into a folder of its own; `merge` puts shares together."),
     ] = None,
     until: Annotated[
         str | None,
-        sweeps_option(
-            metavar="10%", help="Add trials until half of each interval's width is 10 % of T_sync, or, as 3, cycles."
-        ),
+        sweeps_option("10%", "Add trials until half of each interval's width is 10 % of T_sync, or, as 3, cycles."),
     ] = None,
     contrast: Annotated[
         str | None,
-        sweeps_option(
-            metavar="KEY", help="Ask --until of ratios, or differences in cycles, to the first value of an axis."
-        ),
+        sweeps_option("KEY", "Ask --until of ratios, or differences in cycles, to the first value of an axis."),
     ] = None,
     trial_timeout: Annotated[
-        float | None,
-        sweeps_option(metavar="SECONDS", help="A trial of a sweep that takes longer has failed; key trial_timeout_s."),
+        float | None, sweeps_option("SECONDS", "A trial of a sweep that takes longer has failed; key trial_timeout_s.")
     ] = None,
     take_over: Annotated[
         bool,
         sweeps_option(
-            "--take-over", help="Take a run folder over from a process that is gone, on a file system without locks."
+            "--take-over", "Take a run folder over from a process that is gone, on a file system without locks."
         ),
     ] = False,
     trust: options.TrustOption = False,
@@ -180,29 +163,20 @@ def run(
 
 @runs.command()
 def replay(
-    source: Annotated[
-        Path,
-        typer.Argument(metavar="RECORDING", help="A recording FILE.rrd, or a run folder with --point and --trial."),
-    ],
+    source: Annotated[Path, argument("RECORDING", "A recording FILE.rrd, or a run folder with --point and --trial.")],
     point: options.PointOption = None,
     trial: options.TrialOption = None,
     record: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.rrd",
-            help="Where to record it; by default to FOLDER-point-K-trial-J.rrd in the current folder.",
-        ),
+        option("FILE.rrd", "Where to record it; by default to FOLDER-point-K-trial-J.rrd in the current folder."),
     ] = None,
     interpret: options.InterpretOption = False,
     trust: options.TrustOption = False,
     web: options.WebOption = False,
     port: options.PortOption = None,
-    screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw what the viewer shows; this needs no display.")
-    ] = None,
+    screenshot: Annotated[Path | None, option("FILE.png", "Draw what the viewer shows; this needs no display.")] = None,
     at: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", min=0, help="Moment that is drawn, in simulated time; the end by default."),
+        float | None, option("SECONDS", "Moment that is drawn, in simulated time; the end by default.", min=0)
     ] = None,
 ) -> None:
     """Open a recording in rerun's viewer. Sweeps keep none: a trial of a run folder is simulated again."""
@@ -279,7 +253,7 @@ def status(
 @runs.command()
 def merge(
     folders: options.FoldersArgument,
-    out: Annotated[Path, typer.Option(metavar="WHOLE", help="The run folder to make; it must be new or empty.")],
+    out: Annotated[Path, option("WHOLE", "The run folder to make; it must be new or empty.")],
     as_json: options.JsonOption = False,
 ) -> None:
     """Put shares of a sweep together, finished or not: every trial once, as if one machine had run them all.

@@ -14,6 +14,7 @@ import typer
 
 from epuck_sim.cli import options
 from epuck_sim.cli.errors import prefix_scenario, print_warnings, reject_first, word_if_slow
+from epuck_sim.cli.options import argument, option
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import TEMPLATES, builtin_folder
 
@@ -52,9 +53,7 @@ def check(
 
 @scenarios.command("list")
 def list_shipped(
-    measures: Annotated[
-        bool, typer.Option("--measures", help="List measures of trials, and their parameters.")
-    ] = False,
+    measures: Annotated[bool, option("--measures", "List measures of trials, and their parameters.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """List scenarios, sweeps and controllers, or measures: those of epuck-sim, and those of installed packages."""
@@ -71,7 +70,7 @@ def list_shipped(
 @scenarios.command()
 def page(
     scenario: options.ScenarioArgument,
-    to: Annotated[Path, typer.Option(metavar="PAGE.html", help="The page, which is complete in itself.")],
+    to: Annotated[Path, option("PAGE.html", "The page, which is complete in itself.")],
     settings: options.SetOption = None,
     controller: options.ControllerOption = None,
 ) -> None:
@@ -151,7 +150,7 @@ NEW = {
 
 
 def _command_for(kind: str) -> Callable[[str], None]:
-    def new(name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, and that of its file.")]) -> None:
+    def new(name: Annotated[str, argument("NAME", "Its name, and that of its file.")]) -> None:
         _write_new(kind, name)
 
     new.__doc__ = f"Write a file with a commented {kind} that runs as it stands."
