@@ -1,6 +1,7 @@
 """The axes of a sweep, and the section `figure`: over which of them a sweep is drawn."""
 
 import json
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -195,7 +196,8 @@ _RANGES = (
     f"FROM:TO:NUMBER, as in 0.05:12.8:20: FROM below TO, 2 to {MAX_POINTS} values; and :lin, or :log with FROM above 0"
 )
 
-NO_AXES = ("sweep", "seed", "trials", "name", "description")  # keys of a scenario that cannot be an axis
+NO_AXES = ("sweep", "seed", "trials", "name", "description", "figure", "overhead")
+"""Keys of a scenario that cannot be an axis."""
 
 
 def with_ranges(key: str, values: Any) -> Any:
@@ -225,7 +227,7 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     except ValueError as error:
         raise ValueError(refusal) from error
     is_even = parts[4] in (None, "lin") or (parts[4] == "log" and first > 0)
-    if not (first < last and 2 <= number <= MAX_POINTS and is_even):
+    if not (0 < last - first < math.inf and 2 <= number <= MAX_POINTS and is_even):
         raise ValueError(refusal)
     is_log = is_logarithmic(key, first, last) if parts[4] is None else parts[4] == "log"
     inner = (np.geomspace if is_log else np.linspace)(first, last, number)[1:-1]
