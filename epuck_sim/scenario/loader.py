@@ -334,7 +334,8 @@ def load_of_model(
 
 def robots_like(name: str, origin: str) -> EmbodiedScenario:
     """Return the scenario of robots of a name or file; of a sweep, what is swept is as it is without."""
-    scenario = require_model(load_scenario(name), EmbodiedScenario, "allowed: embodied", f"{origin}: {name}")
+    with refused_at(origin):
+        scenario = require_model(load_scenario(name), EmbodiedScenario, "allowed: embodied", name)
     return scenario.model_copy(update={"sweep": None})
 
 
@@ -342,10 +343,11 @@ def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -
     """Return the start of agents with the path of its scenario of robots, if that is a user's."""
     like = scenario.start.like
     assert like is not None
-    if folder is not None and (folder / like).is_file():
-        like = str((folder / like).resolve())
-    elif Path(like).suffix:
-        like = str(find_scenario(like).resolve())
+    with refused_at(origin):
+        if folder is not None and (folder / like).is_file():
+            like = str((folder / like).resolve())
+        elif Path(like).suffix:
+            like = str(find_scenario(like).resolve())
     robots = robots_like(like, origin)
     width_cm, height_cm = robots.arena.width_cm, robots.arena.height_cm
     checks = {
