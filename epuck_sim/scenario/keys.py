@@ -178,16 +178,15 @@ def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any
     return {**given, "sweep": {**sweep, "points": rows}}
 
 
-def note_changes(given: Mapping[str, Any], settings: Sequence[str], axes: Sequence[str]) -> dict[str, Any]:
+def note_changes(given: Mapping[str, Any], changes: Sequence[str]) -> dict[str, Any]:
     """Return the mapping `given` with its description followed by the changes that may have made it untrue.
 
-    >>> note_changes({"description": "ten robots"}, ["robots.0.count=5", "trials=3"], [])
-    {'description': 'ten robots; with robots.0.count=5'}
+    >>> note_changes({"description": "ten robots"}, ["robots.0.count=5", "trials=3", "sweep arena.width_cm=50,60"])
+    {'description': 'ten robots; with robots.0.count=5, sweep arena.width_cm=50,60'}
     """
     text = given.get("description")
-    changed = [key.partition("=")[0].partition(".")[0] for key in settings]
-    notes = [setting for setting, key in zip(settings, changed, strict=True) if key not in NOT_DESCRIBED]
-    notes += [f"sweep {axis}" for axis in axes]
+    changed = [key.partition("=")[0].partition(".")[0] for key in changes]
+    notes = [change for change, key in zip(changes, changed, strict=True) if key not in NOT_DESCRIBED]
     if not text or not notes or "description" in changed:
         return dict(given)
     return {**given, "description": f"{text}; with {', '.join(notes)}"}

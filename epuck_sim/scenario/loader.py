@@ -153,7 +153,7 @@ def load_scenario(
     given, origin, folder = _read(source)
     given = _choose_version(given, origin, folder, quick=quick)
     if controller is not None:
-        given = note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"], [])
+        given = note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"])
     if measures:
         given = add_measures(given, measures, origin)
     _reject_endings(given, origin, folder)
@@ -171,10 +171,10 @@ def load_scenario(
     for axis, (typed, values) in zip(axes, parsed, strict=True):
         keys = _full_keys(given, typed, f"--sweep {axis}", origin, folder)
         given = add_axis(given, keys, values, f"--sweep {axis}")
-        swept.extend(f"{key}={axis.partition('=')[2]}" for key in keys)
+        swept.extend(f"sweep {key}={axis.partition('=')[2]}" for key in keys)
     options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
     origin = " ".join([origin, *options])
-    given = note_changes(given, changed, swept)
+    given = note_changes(given, [*changed, *swept])
     scenario = from_keys(given, origin, folder)
     reject_swept(changed, controller, scenario.swept)
     return scenario
@@ -213,7 +213,7 @@ def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -
     given = scenario.model_dump(mode="json")
     for key, value in values.items():
         given = set_value(given, key, value, origin)
-    changed = from_keys(note_changes(given, [f"{key}={value}" for key, value in values.items()], []), origin)
+    changed = from_keys(note_changes(given, [f"{key}={value}" for key, value in values.items()]), origin)
     assert isinstance(changed, type(scenario)), "model is no key of these"
     return changed
 

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range
 
 PictureSide = Annotated[WholeNumber, Field(ge=64, le=7680, multiple_of=2)]
 """Side of a picture in pixels; even, as H.264 requires."""
@@ -66,9 +66,5 @@ class OverheadSection(ConfigModel):
     """Standard deviation of the noise of each colour of each pixel, in levels from 0 to 255."""
 
     def _check_together(self) -> None:
-        longest_ms = 1000 / self.frames_per_s
-        if self.exposure_ms > longest_ms:
-            raise ValueError(
-                f"exposure_ms is {self.exposure_ms:g}; allowed: up to the time from one frame to the next, "
-                f"{longest_ms:.4g} ms at {self.frames_per_s:g} frames_per_s"
-            )
+        why = f", the time in ms from one frame to the next at {self.frames_per_s:g} frames_per_s"
+        check_range("exposure_ms", self.exposure_ms, 0, 1000 / self.frames_per_s, why)
