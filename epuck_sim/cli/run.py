@@ -2,7 +2,7 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -19,9 +19,6 @@ from epuck_sim.cli.options import (
     sweeps_option,
 )
 from epuck_sim.recording import Level
-
-if TYPE_CHECKING:  # or --help would wait for pydantic
-    from epuck_sim.scenario.scenario import Scenario
 
 runs = typer.Typer()
 
@@ -118,7 +115,7 @@ def run(
             for option, path, ending in endings
         ),
     )
-    from epuck_sim.cli.trials import Watched, run_trials, seeds_of, sweep_into, trial_of_sweep
+    from epuck_sim.cli.trials import Watched, chosen_trials, run_trials, sweep_into
     from epuck_sim.runs import folder as run_folder
     from epuck_sim.scenario.loader import find_scenario
 
@@ -143,7 +140,7 @@ def run(
     watched = Watched(trace, record, film, live, level or Level.FULL, fields, relations, speed or 1.0, port_shown)
     changes = [*(settings or ()), *([] if trial_timeout is None else [f"trial_timeout_s={trial_timeout}"])]
     with print_traceback() if traceback else nullcontext():
-        loaded: Scenario = options.read_scenario(
+        loaded = options.read_scenario(
             scenario, changes, axes, measures=measures, controller=controller, quick=quick, trusted=trust
         )
         given = {"seed": seed, "trials": trials}
@@ -153,12 +150,8 @@ def run(
                 scenario, loaded, folder, workers, dask, share, until, contrast, interpret=interpret, as_json=as_json
             )
             return
-        if point is not None and trial is not None:
-            loaded, seed_of_trial = trial_of_sweep(scenario, loaded, point, trial)
-            seeds = [seed_of_trial]
-        else:
-            seeds = seeds_of(scenario, loaded)
-        run_trials(scenario, loaded, seeds, watched, interpret=interpret, as_json=as_json)
+        chosen, seeds = chosen_trials(scenario, loaded, point, trial)
+        run_trials(scenario, chosen, seeds, watched, interpret=interpret, as_json=as_json)
 
 
 @runs.command()

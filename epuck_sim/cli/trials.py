@@ -103,25 +103,26 @@ def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[Observ
             viewer.wait()
 
 
-def seeds_of(origin: str, scenario: Scenario) -> list[int]:
-    """Return the seeds of a scenario's trials; raise ScenarioError for a sweep."""
-    if scenario.sweep is not None:
-        raise ScenarioError(
-            f"{origin}: holds a sweep of {counted(len(points(scenario)), 'point')}; give --out FOLDER to run it, or "
-            "--point K --trial J to run one of its trials"
-        )
-    return [trial_seed(scenario.seed, trial) for trial in range(scenario.trials)]
+def chosen_trials(origin: str, scenario: Scenario, point: int | None, trial: int | None) -> tuple[Scenario, list[int]]:
+    """Return the scenario and the seeds of its trials, or those of one trial of a sweep.
 
-
-def trial_of_sweep(origin: str, scenario: Scenario, point: int, trial: int) -> tuple[Scenario, int]:
-    """Return the scenario and the seed of one trial of a sweep; raise ScenarioError if there is no such trial."""
+    Raises:
+        ScenarioError: It is a sweep and none of its trials is chosen, or there is no such trial.
+    """
+    if point is None or trial is None:
+        if scenario.sweep is not None:
+            raise ScenarioError(
+                f"{origin}: holds a sweep of {counted(len(points(scenario)), 'point')}; give --out FOLDER to run it, "
+                "or --point K --trial J to run one of its trials"
+            )
+        return scenario, [trial_seed(scenario.seed, number) for number in range(scenario.trials)]
     all_points = points(scenario)
     if point >= len(all_points):
         raise ScenarioError(f"{origin}: --point is {point}; allowed: 0 to {len(all_points) - 1}")
     chosen = all_points[point]
     if trial >= chosen.scenario.trials:
         raise ScenarioError(f"{origin}: --trial is {trial}; allowed: 0 to {chosen.scenario.trials - 1}")
-    return chosen.scenario, chosen.seed(trial)
+    return chosen.scenario, [chosen.seed(trial)]
 
 
 def run_trials(
@@ -179,8 +180,8 @@ def _run_trial(
 def record_again(folder: Path, point: int, trial: int, file: Path, *, interpret: bool, trusted: bool = False) -> None:
     """Simulate a trial of a run folder again, record it, and say so if its outcome differs from the stored one."""
     stored = read_outcome(folder, point, trial)
-    chosen, seed = trial_of_sweep(str(folder), read_scenario(folder / RUN_SCENARIO, trusted=trusted), point, trial)
-    (result,) = run_trials(str(folder), chosen, [seed], Watched(record=file), interpret=interpret)
+    chosen, seeds = chosen_trials(str(folder), read_scenario(folder / RUN_SCENARIO, trusted=trusted), point, trial)
+    (result,) = run_trials(str(folder), chosen, seeds, Watched(record=file), interpret=interpret)
     if stored is not None and stored != (result.cycles, result.censored):
         made = "; ".join(format_versions(row.made_by) for row in read_status(folder).versions)
         print_stderr(
