@@ -14,23 +14,11 @@ from typing import Any, NamedTuple, overload
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.display.table import shortest_endings
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario import keys
 from epuck_sim.scenario.arena import find_picture
 from epuck_sim.scenario.axes import canonical_text, map_files
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.keys import (
-    QUICK,
-    add_axis,
-    add_measures,
-    full_keys,
-    note_changes,
-    parse_axis,
-    parse_setting,
-    quick_version,
-    reject_swept,
-    set_value,
-    without_quick,
-)
 from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_curve
 from epuck_sim.scenario.robot_kind import ROBOT, are_groups, with_robots
 from epuck_sim.scenario.robots import replace_controllers, share_parameters
@@ -153,30 +141,30 @@ def load_scenario(
     given, origin, folder = _read(source)
     given = _choose_version(given, origin, folder, quick=quick)
     if controller is not None:
-        given = note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"])
+        given = keys.note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"])
     if measures:
-        given = add_measures(given, measures, origin)
+        given = keys.add_measures(given, measures, origin)
     _reject_endings(given, origin, folder)
-    parsed = [parse_axis(axis, "--sweep") for axis in axes]
+    parsed = [keys.parse_axis(axis, "--sweep") for axis in axes]
     changed: list[str] = []
     for setting in settings:
         option = f"--set {setting}"
-        typed, value = parse_setting(setting)
+        typed, value = keys.parse_setting(setting)
         for key in _full_keys(given, typed, option, origin, folder, parsed):
             if re.match(r"robots\.\d+\.sensors\.", key):  # which leads into a sensor that may be given in a list
                 given = with_robots(given, origin, folder)
-            given = set_value(given, key, value, option)
+            given = keys.set_value(given, key, value, option)
             changed.append(f"{key}={setting.partition('=')[2]}")
     swept: list[str] = []
     for axis, (typed, values) in zip(axes, parsed, strict=True):
-        keys = _full_keys(given, typed, f"--sweep {axis}", origin, folder)
-        given = add_axis(given, keys, values, f"--sweep {axis}")
-        swept.extend(f"sweep {key}={axis.partition('=')[2]}" for key in keys)
+        found = _full_keys(given, typed, f"--sweep {axis}", origin, folder)
+        given = keys.add_axis(given, found, values, f"--sweep {axis}")
+        swept.extend(f"sweep {key}={axis.partition('=')[2]}" for key in found)
     options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
     origin = " ".join([origin, *options])
-    given = note_changes(given, [*changed, *swept])
+    given = keys.note_changes(given, [*changed, *swept])
     scenario = from_keys(given, origin, folder)
-    reject_swept(changed, controller, scenario.swept)
+    keys.reject_swept(changed, controller, scenario.swept)
     return scenario
 
 
@@ -212,8 +200,8 @@ def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -
     """Return a scenario with new values of dotted keys, which its description tells."""
     given = scenario.model_dump(mode="json")
     for key, value in values.items():
-        given = set_value(given, key, value, origin)
-    changed = from_keys(note_changes(given, [f"{key}={value}" for key, value in values.items()]), origin)
+        given = keys.set_value(given, key, value, origin)
+    changed = from_keys(keys.note_changes(given, [f"{key}={value}" for key, value in values.items()]), origin)
     assert isinstance(changed, type(scenario)), "model is no key of these"
     return changed
 
@@ -233,7 +221,7 @@ def _full_keys(
         return [typed]
     at_points = _with_controllers(given, [*_swept(given), *axes])
     known = [key for each in at_points for key in kind.all_keys(with_robots(each, origin, folder), folder)]
-    found = full_keys(typed, [*dict.fromkeys(known)], where)
+    found = keys.full_keys(typed, [*dict.fromkeys(known)], where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
     if found:
@@ -250,10 +238,10 @@ def _with_controllers(
     """Yield a scenario's keys, and the same with each controller that is a value of an axis in its place."""
     yield given
     groups = given.get("robots") or [{}]
-    keys = [f"robots.{number}.controller" for number in range(len(groups))] if are_groups(groups) else []
+    known = [f"robots.{number}.controller" for number in range(len(groups))] if are_groups(groups) else []
     for typed, values in axes:
-        for key in full_keys(str(typed), keys, str(typed)):
-            yield from (set_value(given, key, value, key) for value in values)
+        for key in keys.full_keys(str(typed), known, str(typed)):
+            yield from (keys.set_value(given, key, value, key) for value in values)
 
 
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
@@ -292,12 +280,12 @@ def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, 
 def _choose_version(given: Mapping[str, Any], origin: str, folder: Path | None, *, quick: bool) -> dict[str, Any]:
     """Return a file's scenario in one of its versions; a quick one that is no scenario is refused in any case."""
     if quick:
-        return quick_version(given, origin)
-    if given.get(QUICK) is not None:
-        other, where = quick_version(given, origin), f"{origin}: {QUICK}"
+        return keys.quick_version(given, origin)
+    if given.get(keys.QUICK) is not None:
+        other, where = keys.quick_version(given, origin), f"{origin}: {keys.QUICK}"
         validate(other, where)
         _reject_endings(other, where, folder)
-    return without_quick(given)
+    return keys.without_quick(given)
 
 
 def find_scenario(name: str) -> Path:
@@ -429,7 +417,7 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[s
     origin = f"{base['name']}: sweep: point {number} ({describe_axes(row)})"
     given = base
     for key in sorted(row, key=lambda key: key.count(".")):  # a whole section before a key inside it
-        given = set_value(given, key, row[key], origin)
+        given = keys.set_value(given, key, row[key], origin)
     scenario = from_keys(given, origin)
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot have a sweep")
