@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Sequence
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -17,11 +16,7 @@ from epuck_sim.statistics.names import Statistic
 from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
-    from epuck_sim.display.table import Table
     from epuck_sim.figures.saving import Target
-    from epuck_sim.replication.claims import Claim
-    from epuck_sim.scenario.scenario import Scenario
-    from epuck_sim.sweep.executors import OpenPool
 
 results = typer.Typer()
 
@@ -370,16 +365,32 @@ def replicate(
         for claim in chosen:
             typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
         return
+    from epuck_sim.cli.progress import SweepProgressBar
     from epuck_sim.replication.page import read_contents, write_replication
-    from epuck_sim.replication.sweeps import LOOKS, Trials, needed_sweeps, sweep_folder
+    from epuck_sim.replication.sweeps import LOOKS, Decider, Trials, begun, needed_sweeps, sweep_folder
+    from epuck_sim.scenario.scenario import Scenario
     from epuck_sim.sweep.cluster import DaskCluster
     from epuck_sim.sweep.executors import local_pool
+    from epuck_sim.sweep.run import run_sweep
 
     open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
-    budget_s = (math.inf if cpu_hours is None else 3600 * cpu_hours) if until_decided else None
     needed = needed_sweeps(known, chosen)
     folders = {name: sweep_folder(out, name) for name in needed}
-    failed, undecided = _run_claims(chosen, needed, folders, open_pool, budget_s)
+    failed = dict.fromkeys(needed, 0)
+
+    def run(name: str, scenario: Scenario) -> None:
+        with SweepProgressBar() as bar:
+            failed[name] = run_sweep(scenario, folders[name], open_pool, bar).failed
+
+    for name, scenario in needed.items():
+        print_stderr(f"{name}:")
+        run(name, begun(scenario, folders[name]))
+    undecided = None
+    if until_decided:
+        decider = Decider(chosen, needed, folders)
+        for line in decider.run(run, math.inf if cpu_hours is None else 3600 * cpu_hours):
+            print_stderr(line)
+        undecided = decider.table()
     trials = Trials(folders)
     contents = read_contents(known, chosen, needed, trials, out, file, LOOKS if until_decided else 1)
     page = write_replication(contents, trials, out)
@@ -388,39 +399,6 @@ def replicate(
     if undecided is not None:
         typer.echo(undecided.to_text(terminal_width()))
     typer.echo(page)
-    if failed:
-        typer.echo(f"{counted(failed, 'trial')} failed; give the command again to retry them", err=True)
+    if count := sum(failed.values()):
+        typer.echo(f"{counted(count, 'trial')} failed; give the command again to retry them", err=True)
         raise typer.Exit(1)
-
-
-def _run_claims(
-    chosen: "Sequence[Claim]",
-    needed: "dict[str, Scenario]",
-    folders: dict[str, Path],
-    open_pool: "OpenPool",
-    budget_s: float | None,
-) -> "tuple[int, Table | None]":
-    """Run the trials that are missing, and more within a budget, and show how far they are.
-
-    Returns:
-        How many trials have failed, and a table of what is undecided within the budget.
-    """
-    from epuck_sim.cli.progress import SweepProgressBar
-    from epuck_sim.replication.sweeps import Decider, begun
-    from epuck_sim.sweep.run import run_sweep
-
-    failed = dict.fromkeys(needed, 0)
-
-    def run(name: str, scenario: "Scenario") -> None:
-        with SweepProgressBar() as bar:
-            failed[name] = run_sweep(scenario, folders[name], open_pool, bar).failed
-
-    for name, scenario in needed.items():
-        print_stderr(f"{name}:")
-        run(name, begun(scenario, folders[name]))
-    if budget_s is not None:
-        decider = Decider(chosen, needed, folders)
-        for line in decider.run(run, budget_s):
-            print_stderr(line)
-        return sum(failed.values()), decider.table()
-    return sum(failed.values()), None
