@@ -84,6 +84,13 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
     return result
 
 
+def set_values(given: Mapping[str, Any], values: Mapping[str, Any], origin: str) -> dict[str, Any]:
+    """Return the mapping `given` with values at dotted keys: that of a whole section before that of a key inside it."""
+    for key in sorted(values, key=lambda key: key.count(".")):
+        given = set_value(given, key, values[key], origin)
+    return dict(given)
+
+
 def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
     """Return `container` with `value` at the path `parts`; missing sections are added."""
     if not parts:

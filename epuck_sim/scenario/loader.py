@@ -198,9 +198,7 @@ def _find_file(origin: str, folder: Path | None, key: str, name: str) -> str:
 
 def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -> AnyScenario:
     """Return a scenario with new values of dotted keys, which its description tells."""
-    given = scenario.model_dump(mode="json")
-    for key, value in values.items():
-        given = keys.set_value(given, key, value, origin)
+    given = keys.set_values(scenario.model_dump(mode="json"), values, origin)
     changed = from_keys(keys.note_changes(given, [f"{key}={value}" for key, value in values.items()]), origin)
     assert isinstance(changed, type(scenario)), "model is no key of these"
     return changed
@@ -415,12 +413,7 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
 
 def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[str, str]) -> Point:
     origin = f"{base['name']}: sweep: point {number} ({describe_axes(row)})"
-    given = base
-    for key in sorted(row, key=lambda key: key.count(".")):  # a whole section before a key inside it
-        given = keys.set_value(given, key, row[key], origin)
-    scenario = from_keys(given, origin)
-    if scenario.sweep is not None:
-        raise ScenarioError(f"{origin}: a point cannot have a sweep")
+    scenario = from_keys(keys.set_values(base, row, origin), origin)
     axes = {key: map_files(key, value, lambda _, name: names[name]) for key, value in row.items()}
     return Point(number, canonical_text(axes), axes, scenario)
 

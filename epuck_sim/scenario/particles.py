@@ -19,7 +19,7 @@ from epuck_sim.control.names import check_draws
 from epuck_sim.errors import CurveError, EpuckSimError
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
-from epuck_sim.scenario.keys import set_value
+from epuck_sim.scenario.keys import set_values
 from epuck_sim.scenario.scenario import Scenario, StopSection
 from epuck_sim.user_files import Kind, Place, Value, kept, line_of_error, load_python_file, with_defaults
 from epuck_sim.util.messages import short_repr
@@ -442,9 +442,7 @@ class ParticleScenario(Scenario):
         """Return the scenario, resolved, with new values of dotted keys that a schedule may set."""
         changing = ("agents", "neighbourhood", "response")
         given = self.model_dump(include={"model", "space", "clocks", *changing})
-        for key, value in values.items():
-            given = set_value(given, key, value, origin)
-        checked = self.validated(given, origin)
+        checked = self.validated(set_values(given, values, origin), origin)
         changed = {section: getattr(checked, section) for section in changing}
         changed["response"] = resolve_response(checked.response, f"{origin}: response")
         return self.model_copy(update=changed)
