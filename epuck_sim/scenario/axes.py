@@ -240,26 +240,6 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     return [int(value) for value in values] if is_whole else values
 
 
-NAMED_FILES = re.compile(
-    r"robots\.\d+\.controller|response\.curve|arena\.floor\.picture"
-    r"|(robot|robots\.\d+\.kind)(\.kind)?|(robots\.\d+\.)?sensors\.\w+(\.file)?"
-)
-"""Keys whose values on an axis name files."""
-
-
-def map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
-    """Return the value of an axis with `change(key, name)` instead of each file that it, or a key in it, names."""
-    if isinstance(value, str) and NAMED_FILES.fullmatch(key):
-        return change(key, value)
-    if isinstance(value, Mapping) and re.fullmatch(r".*sensors\.\d+", key):  # a sensor in a list, with parameters
-        return {change(key, str(name)): each for name, each in value.items()}
-    if isinstance(value, Mapping):
-        return {name: map_files(f"{key}.{name}", each, change) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [map_files(f"{key}.{number}", each, change) for number, each in enumerate(value)]
-    return value
-
-
 class SweepAxes(ConfigModel):
     """The axes: every row of `points` is combined with every row of `zip` and every combination of `grid`.
 
@@ -318,15 +298,13 @@ class SweepAxes(ConfigModel):
             count *= len(values)
         return count
 
-    def with_files(self, find: Callable[[str, str], str]) -> "SweepAxes":
-        """Return the axes with what `find(key, name)` returns instead of each file that they name."""
+    def with_values(self, change: Callable[[str, Any], Any]) -> "SweepAxes":
+        """Return the axes with `change(key, value)` instead of each value."""
         columns = {
-            name: {key: tuple(map_files(key, value, find) for value in values) for key, values in column.items()}
+            name: {key: tuple(change(key, value) for value in values) for key, values in column.items()}
             for name, column in (("zip", self.zip), ("grid", self.grid))
         }
-        points = self.points and tuple(
-            {key: map_files(key, value, find) for key, value in row.items()} for row in self.points
-        )
+        points = self.points and tuple({key: change(key, value) for key, value in row.items()} for row in self.points)
         return self.model_copy(update={**columns, "points": points})
 
     def rows(self) -> list[dict[str, Any]]:

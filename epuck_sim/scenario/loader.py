@@ -6,8 +6,7 @@ values, not by its number: points and trials that are added leave the seeds of t
 
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, overload
 
@@ -16,7 +15,7 @@ from epuck_sim.display.table import shortest_endings
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario import keys
 from epuck_sim.scenario.arena import find_picture
-from epuck_sim.scenario.axes import canonical_text, map_files
+from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_curve
@@ -176,7 +175,14 @@ def from_keys(given: Mapping[str, Any], origin: str, folder: Path | None = None)
 def complete(scenario: AnyScenario, origin: str, folder: Path | None = None) -> AnyScenario:
     """Return a scenario with everything filled in that lies in other files; what its schedule sets is checked."""
     if scenario.sweep is not None:
-        sweep = scenario.sweep.with_files(partial(_find_file, f"{origin}: sweep", folder))
+
+        def find(key: str, name: str) -> str:
+            found = _finder(key)
+            assert found is not None  # a key that names files
+            with refused_at(f"{origin}: sweep: {key}"):
+                return found(name, folder)
+
+        sweep = scenario.sweep.with_values(lambda key, value: _map_files(key, value, find))
         scenario = scenario.model_copy(update={"sweep": sweep})
     found = scenario.resolved(origin, folder)
     if isinstance(found, ParticleScenario) and found.start.like is not None:
@@ -184,16 +190,31 @@ def complete(scenario: AnyScenario, origin: str, folder: Path | None = None) -> 
     return found
 
 
-def _find_file(origin: str, folder: Path | None, key: str, name: str) -> str:
-    """Return the name by which a file is found again that the value of an axis names."""
-    with refused_at(f"{origin}: {key}"):
-        if key == "response.curve":
-            return find_curve(name, folder).name
-        if key.endswith(".controller"):
-            return find_controller(name, folder).stored_name
-        if "sensors." in key:
-            return find_sensor(name, folder).stored_name
-        return find_picture(name, folder) if key.endswith(".picture") else ROBOT.locate(name, folder).name
+FILES: Mapping[str, Callable[[str, Path | None], str]] = {
+    r"robots\.\d+\.controller": lambda name, folder: find_controller(name, folder).stored_name,
+    r"(robots\.\d+\.)?sensors\.\w+(\.file)?": lambda name, folder: find_sensor(name, folder).stored_name,
+    r"(robot|robots\.\d+\.kind)(\.kind)?": lambda name, folder: ROBOT.locate(name, folder).name,
+    r"response\.curve": lambda name, folder: find_curve(name, folder).name,
+    r"arena\.floor\.picture": find_picture,
+}
+"""What finds files that values on an axis name, by patterns of keys: the name by which a file is found again."""
+
+
+def _finder(key: str) -> Callable[[str, Path | None], str] | None:
+    return next((find for pattern, find in FILES.items() if re.fullmatch(pattern, key)), None)
+
+
+def _map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
+    """Return the value of an axis with `change(key, name)` instead of each file that it, or a key in it, names."""
+    if isinstance(value, str) and _finder(key) is not None:
+        return change(key, value)
+    if isinstance(value, Mapping) and re.fullmatch(r".*sensors\.\d+", key):  # a sensor in a list, with parameters
+        return {change(key, str(name)): each for name, each in value.items()}
+    if isinstance(value, Mapping):
+        return {name: _map_files(f"{key}.{name}", each, change) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_map_files(f"{key}.{number}", each, change) for number, each in enumerate(value)]
+    return value
 
 
 def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -> AnyScenario:
@@ -406,7 +427,7 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
     names: dict[str, str] = {}
     for row in rows:
         for key, value in row.items():
-            map_files(key, value, lambda _, name: names.setdefault(name, Path(name).as_posix()))
+            _map_files(key, value, lambda _, name: names.setdefault(name, Path(name).as_posix()))
     endings = shortest_endings(names.values(), "/")
     return {name: endings[path] for name, path in names.items()}
 
@@ -414,7 +435,7 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
 def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[str, str]) -> Point:
     origin = f"{base['name']}: sweep: point {number} ({describe_axes(row)})"
     scenario = from_keys(keys.set_values(base, row, origin), origin)
-    axes = {key: map_files(key, value, lambda _, name: names[name]) for key, value in row.items()}
+    axes = {key: _map_files(key, value, lambda _, name: names[name]) for key, value in row.items()}
     return Point(number, canonical_text(axes), axes, scenario)
 
 
