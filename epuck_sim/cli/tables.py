@@ -246,9 +246,7 @@ def print_comparison(
     if as_json:
         quantities = [
             {
-                "name": row.name,
-                "unit": row.unit,
-                "film": row.film,
+                **row._asdict(),
                 "film_is_beyond": math.isinf(row.film),
                 "percentile": row.percentile,
                 "trials": row.trials.tolist(),
