@@ -246,7 +246,9 @@ def print_comparison(
     if as_json:
         quantities = [
             {
-                **row._asdict(),
+                "name": row.name,
+                "unit": row.unit,
+                "film": row.film,
                 "film_is_beyond": math.isinf(row.film),
                 "percentile": row.percentile,
                 "trials": row.trials.tolist(),
