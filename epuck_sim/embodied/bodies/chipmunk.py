@@ -2,12 +2,17 @@
 
 Functions, bodies and shapes are called, and given, by their addresses, which stand in an array. They differ from
 process to process: in an array, they are no part of the compiled code, which can thus be kept on disk. This is the one
-file with private names of pymunk. Where they, or how C is called, are not as expected, `public_space` runs the same
-kernels as plain Python, by pymunk's public interface.
+file with private names of pymunk. Where they, or how C is called, are not as expected, the same kernels run as plain
+Python, slowly, on an array that has pymunk's objects where compiled code has addresses, and functions of the public
+interface where it has Chipmunk's. So the outcome is the same, to the bit.
 """
 
-from collections.abc import Iterable
+import platform
+import sys
+from collections.abc import Callable, Iterable
 from functools import cache
+from operator import attrgetter
+from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import pymunk
@@ -16,7 +21,7 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.bodies.contacts import PUSHED_CM, SLOP_CM, add_reached, find_contact_candidates, move_others
 from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
-from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at
+from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, open_block, swarm_at
 from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call_c, double_from_c, pointer_from_c, vector_from_c
@@ -26,27 +31,34 @@ try:
 except ImportError:
     ffi = lib = None
 
-FUNCTIONS = {
-    "cpSpaceNew": "cpSpace *(*)(void)",
-    "cpSpaceFree": "void(*)(cpSpace *)",
-    "cpSpaceSetCollisionSlop": "void(*)(cpSpace *, cpFloat)",
-    "cpSpaceSetCollisionBias": "void(*)(cpSpace *, cpFloat)",
-    "cpSpaceStep": "void(*)(cpSpace *, cpFloat)",
-    "cpSpaceAddBody": "cpBody *(*)(cpSpace *, cpBody *)",
-    "cpSpaceAddShape": "cpShape *(*)(cpSpace *, cpShape *)",
-    "cpSpaceRemoveBody": "void(*)(cpSpace *, cpBody *)",
-    "cpSpaceRemoveShape": "void(*)(cpSpace *, cpShape *)",
-    "cpBodyGetSpace": "cpSpace *(*)(cpBody *)",
-    "cpBodySetPosition": "void(*)(cpBody *, cpVect)",
-    "cpBodySetAngle": "void(*)(cpBody *, cpFloat)",
-    "cpBodySetVelocity": "void(*)(cpBody *, cpVect)",
-    "cpBodySetAngularVelocity": "void(*)(cpBody *, cpFloat)",
-    "cpBodyGetPosition": "cpVect(*)(cpBody *)",
-    "cpBodyGetAngle": "cpFloat(*)(cpBody *)",
-    "cpBodyGetVelocity": "cpVect(*)(cpBody *)",
-    "cpBodyUpdatePosition": "void(*)(cpBody *, cpFloat)",
+
+def _setter(name: str) -> Callable[..., None]:
+    """Return a function that sets an attribute to a number, or a vector to several."""
+    return lambda thing, *values: setattr(thing, name, values if len(values) > 1 else values[0])
+
+
+FUNCTIONS: dict[str, tuple[str, Callable[..., Any]]] = {
+    "cpSpaceNew": ("cpSpace *(*)(void)", pymunk.Space),
+    "cpSpaceFree": ("void(*)(cpSpace *)", lambda _: None),
+    "cpSpaceSetCollisionSlop": ("void(*)(cpSpace *, cpFloat)", _setter("collision_slop")),
+    "cpSpaceSetCollisionBias": ("void(*)(cpSpace *, cpFloat)", _setter("collision_bias")),
+    "cpSpaceStep": ("void(*)(cpSpace *, cpFloat)", pymunk.Space.step),
+    "cpSpaceAddBody": ("cpBody *(*)(cpSpace *, cpBody *)", pymunk.Space.add),
+    "cpSpaceAddShape": ("cpShape *(*)(cpSpace *, cpShape *)", pymunk.Space.add),
+    "cpSpaceRemoveBody": ("void(*)(cpSpace *, cpBody *)", pymunk.Space.remove),
+    "cpSpaceRemoveShape": ("void(*)(cpSpace *, cpShape *)", pymunk.Space.remove),
+    "cpBodyGetSpace": ("cpSpace *(*)(cpBody *)", lambda body: body.space or 0),
+    "cpBodySetPosition": ("void(*)(cpBody *, cpVect)", _setter("position")),
+    "cpBodySetAngle": ("void(*)(cpBody *, cpFloat)", _setter("angle")),
+    "cpBodySetVelocity": ("void(*)(cpBody *, cpVect)", _setter("velocity")),
+    "cpBodySetAngularVelocity": ("void(*)(cpBody *, cpFloat)", _setter("angular_velocity")),
+    "cpBodyGetPosition": ("cpVect(*)(cpBody *)", attrgetter("position")),
+    "cpBodyGetAngle": ("cpFloat(*)(cpBody *)", attrgetter("angle")),
+    "cpBodyGetVelocity": ("cpVect(*)(cpBody *)", attrgetter("velocity")),
+    "cpBodyUpdatePosition": ("void(*)(cpBody *, cpFloat)", pymunk.Body.update_position),
 }
-"""Chipmunk's functions that compiled code calls, in the order of their addresses, and their expected kinds."""
+"""Chipmunk's functions that compiled code calls, in the order of their addresses: the kind of each, and what does the
+same by pymunk's public interface."""
 
 FIRST = HIDE + 1
 
@@ -267,7 +279,50 @@ def function_addresses() -> list[int]:
     functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
     if ffi.typeof("cpFloat") is not ffi.typeof("double"):
         raise TypeError("its numbers are no doubles")
-    for name, function in functions.items():
-        if ffi.typeof(function) is not ffi.typeof(FUNCTIONS[name]):
-            raise TypeError(f"its function {name} is {ffi.typeof(function).cname}, not {FUNCTIONS[name]}")
+    for name, (kind, _) in FUNCTIONS.items():
+        found = ffi.typeof(functions[name])
+        if found is not ffi.typeof(kind):
+            raise TypeError(f"its function {name} is {found.cname}, not {kind}")
     return list(map(_value, functions.values()))
+
+
+# --- by pymunk's public interface -----------------------------------------------------------------------
+
+
+@cache
+def public_way() -> SimpleNamespace:
+    """Return the functions of this module as plain Python, by pymunk's public interface."""
+
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        return function(*arguments)
+
+    def add_to_space(space: pymunk.Space, things: Iterable[Thing]) -> None:
+        for thing in things:  # at once, all bodies would enter first
+            space.add(thing)
+
+    names = dict.fromkeys(("call_c", "pointer_from_c", "double_from_c", "vector_from_c"), call) | {
+        "address": lambda thing: thing,
+        "function_addresses": lambda: [public for _, public in FUNCTIONS.values()],
+        "add_to_space": add_to_space,
+        "take_from_space": lambda space, things: space.remove(*things),
+        "free_space": lambda *_: None,
+        "swarm_at": open_block,
+    }
+    found: dict[str, Any] = {**globals(), **names}
+    for name in found.keys() - names:
+        function = getattr(found[name], "function", found[name])  # a kernel's, if it is one
+        if isinstance(function, FunctionType) and function.__module__ == __name__:
+            found[name] = FunctionType(function.__code__, found)
+    return SimpleNamespace(**found)
+
+
+@cache
+def reason_for_public_way() -> str:
+    """Return why compiled code cannot call this pymunk's Chipmunk, or "" if it can."""
+    if sys.platform == "win32" or platform.machine().lower() not in {"x86_64", "amd64", "aarch64", "arm64"}:
+        return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
+    try:
+        function_addresses()
+    except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
+        return str(error)
+    return ""

@@ -17,7 +17,6 @@ import numpy.typing as npt
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, SPACE, Swarm
@@ -44,9 +43,9 @@ class World:
         self._make_bodies = partial(make_bodies, arenas[0], kinds, contact)
         self._bodies: Bodies = self._make_bodies()
         self._finalizer: weakref.finalize[Any, Any] | None = None
-        reason = reason_for_public_way()
+        reason = chipmunk.reason_for_public_way()
         self.is_public = bool(reason)
-        self._way: Any = public_way() if reason else chipmunk
+        self._way: Any = chipmunk.public_way() if reason else chipmunk
         if self.is_public:
             warnings.warn(
                 f"{format_versions(versions())}: {reason}; robots are moved by pymunk's public interface, to the same "

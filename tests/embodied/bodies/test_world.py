@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from epuck_sim import Simulation, epuck, load_scenario
 from epuck_sim.arena import clearance_cm, make_arena
-from epuck_sim.embodied.bodies import chipmunk, public_space
+from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM, NOBODY, PUSHED_CM, find_contact_candidates
 from epuck_sim.embodied.bodies.shapes import DYNES_PER_NEWTON, GRAVITY_CM_S2
 from epuck_sim.geometry import box_corners
@@ -310,7 +310,7 @@ def patches(monkeypatch):
 
 def forget():
     chipmunk.function_addresses.cache_clear()
-    public_space.reason_for_public_way.cache_clear()
+    chipmunk.reason_for_public_way.cache_clear()
 
 
 def ways(arena, poses, velocities, friction=0.0):
@@ -340,7 +340,7 @@ def test_outcomes_are_equal_to_the_bit(patches):
     arena, poses, velocities = squeeze(10)
     scenes = [(*crowd(1), 0.0), (*crowd(2), 0.5), (*crowd(3, MOVABLES), 0.3), (arena, poses, velocities[None], 0.0)]
     compiled = [ways(*scene) for scene in scenes]
-    patches.setitem(chipmunk.FUNCTIONS, "cpSpaceStep", "void(*)(cpSpace *)")
+    patches.setitem(chipmunk.FUNCTIONS, "cpSpaceStep", ("void(*)(cpSpace *)", chipmunk.pymunk.Space.step))
     forget()
     with pytest.warns(UserWarning, match=r"pymunk .* numba .*cpSpaceStep is .*, not .*; install pymunk 7\.3"):
         public = [ways(*scene) for scene in scenes]
@@ -353,12 +353,12 @@ def test_outcomes_are_equal_to_the_bit(patches):
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        (lambda to: to.setitem(chipmunk.FUNCTIONS, "cpSpaceFly", "void(*)(cpSpace *)"), "cpSpaceFly"),
+        (lambda to: to.setitem(chipmunk.FUNCTIONS, "cpSpaceFly", ("void(*)(cpSpace *)", None)), "cpSpaceFly"),
         (lambda to: to.setattr(chipmunk, "ffi", None), "addressof"),
-        (lambda to: to.setattr(public_space.platform, "machine", lambda: "vax"), "vax"),
+        (lambda to: to.setattr(chipmunk.platform, "machine", lambda: "vax"), "vax"),
     ],
 )
 def test_what_is_other_than_expected_is_found_and_named(patches, change, named):
     change(patches)
     forget()
-    assert named in public_space.reason_for_public_way()
+    assert named in chipmunk.reason_for_public_way()
