@@ -5,13 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.control.interface import EXTERNAL, Controller
 from epuck_sim.embodied.bodies.chipmunk import move_bodies
-from epuck_sim.embodied.bodies.drive import apply_commands
 from epuck_sim.embodied.bodies.world import World
-from epuck_sim.embodied.changes.attendance import blank, rest
 from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
+from epuck_sim.embodied.changes.schedule import blank, rest
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
@@ -21,7 +22,7 @@ from epuck_sim.embodied.sensors.radio import receive_pulses
 from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, Swarm, copy_array, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.util.elementary import log
+from epuck_sim.util.elementary import log, sin, sin_cos
 from epuck_sim.util.generators import fill_doubles, fill_normals
 from epuck_sim.util.jit import bind, jit_no_alloc
 from epuck_sim.util.native import address_of, array_at, call
@@ -70,6 +71,40 @@ def begin_step(block: ByteArray, addresses: IntArray) -> None:
         fill_normals(swarm.robots[number].infrared_noise, scene.noise_random)
     for number in range(len(swarm.robots) if scene.slip > 0.0 else 0):
         fill_doubles(swarm.robots[number].wheel_noise, scene.slip_random)
+
+
+@jit_no_alloc
+def apply_commands(swarm: Swarm) -> int:
+    """Carry out wheels, turns and rings as commanded; return the first robot whose command is no number, or -1.
+
+    A robot whose wheels keep their speeds moves along an arc. Rigid bodies are given the velocity along the arc's
+    chord, so that one that touches nothing ends the step exactly on the arc, with the heading that belongs there.
+    """
+    slip, step_s = swarm.scene[0].slip, swarm.scene[0].step_s
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        limit = robot.wheel_limit_cm_s
+        left, right, turn = robot.actuators.left_cm_s, robot.actuators.right_cm_s, robot.actuators.turn_rad
+        if math.isnan(left) or math.isnan(right) or not math.isfinite(turn):
+            return number
+        robot.left_cm_s = min(max(left, -limit), limit)
+        robot.right_cm_s = min(max(right, -limit), limit)
+        robot.turn_rad = turn
+        robot.ring_command = robot.actuators.ring_on != 0
+        robot.ring_on = robot.ring_command
+        # a noise of 0 makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki); turns come first
+        noise, gain = robot.wheel_noise, robot.wheel_gain
+        if gain[0] == gain[1] == 0.0:  # it is stuck
+            turn = 0.0
+        left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]
+        right = robot.right_cm_s * (1.0 + slip * (2.0 * noise[1] - 1.0)) * gain[1]
+        spin = (right - left) / robot.wheel_base_cm
+        half = 0.5 * spin * step_s
+        # the chord is shorter than the arc by sin(half) / half
+        chord = 0.5 * (left + right) * (sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+        sine, cosine = sin_cos(robot.heading + turn + half)
+        robot.vx, robot.vy, robot.spin = chord * cosine, chord * sine, spin + turn / step_s
+    return -1
 
 
 @jit_no_alloc
@@ -260,3 +295,63 @@ def _in_python(swarm: Swarm, world: World, calls: Sequence[tuple[Any, int]]) -> 
             functions[index](block, addresses, calls[index][1])
 
     return bind(steps.function, swarm_at=lambda _: swarm, begin_step=begin, make_calls=make)
+
+
+# --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------
+
+PARTS = {"left_cm_s": "wheels", "right_cm_s": "wheels", "ring_on": "ring"}
+"""What is commanded, by name, and the part of a controller's `EXTERNAL` that leaves it to commands."""
+
+
+class Commands:
+    """The commands from outside to the robots of one simulation, which actuators keep until the next."""
+
+    robots: dict[str, IntArray]
+    """By part, of `EXTERNAL`, (n,) numbers of the robots that are commanded."""
+
+    def __init__(self, controllers: Sequence[Controller], block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
+        """Find the robots that are commanded from outside, in groups with these controllers."""
+        self.memory = block, addresses  # of the swarm, and of what it calls
+        external = {part: [part in each.external for each in controllers] for part in EXTERNAL}
+        self.robots = {part: np.flatnonzero(np.repeat(each, swarm.groups["count"])) for part, each in external.items()}
+        actuators = swarm.robots["actuators"].view(np.ndarray)
+        self._targets: dict[str, tuple[npt.NDArray[Any], IntArray]] = {
+            name: (actuators[name], self.robots[part]) for name, part in PARTS.items()
+        }
+
+    def carry_out(self, **given: npt.ArrayLike | None) -> None:
+        """Have robots do what is given, unchecked, from the last control step on; see `Simulation.command`."""
+        for name, values in given.items():
+            if values is not None:
+                actuators, robots = self._targets[name]
+                actuators[robots] = values
+        act_again(*self.memory)
+
+    def check(self, **given: npt.ArrayLike | None) -> None:
+        """Raise ValueError for commands that robots cannot be given, or for none; see `Simulation.command`."""
+        if all(values is None for values in given.values()):
+            raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
+        for name, values in given.items():
+            if values is not None:
+                _check(name, np.asarray(values), PARTS[name], self.robots[PARTS[name]])
+
+
+def _check(name: str, values: npt.NDArray[Any], part: str, robots: IntArray) -> None:
+    if not len(robots):
+        raise ValueError(
+            f"{name} is given, but no robot has its {part} commanded from outside; give a group `controller: external`"
+            f", external_{part} or a file with EXTERNAL = ({part!r},)"
+        )
+    if values.shape not in ((), robots.shape):
+        raise ValueError(
+            f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot whose {part} is "
+            "commanded from outside, or a single one for all"
+        )
+    allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
+    if part == "ring":
+        allowed, fits = "true and false, or 1 and 0", np.isin(values, (0, 1))
+    elif values.dtype.kind in "iuf":
+        fits = ~np.isnan(values)
+    if not fits.all():
+        robot = robots[np.broadcast_to(fits, robots.shape).argmin()]
+        raise ValueError(f"{name} is {values[~fits][0]} for robot {robot}; allowed: {allowed}")

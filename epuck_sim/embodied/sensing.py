@@ -8,8 +8,8 @@ import math
 
 from epuck_sim.control.interface import World
 from epuck_sim.embodied.cells import cell_index
-from epuck_sim.embodied.placement import clearance_cm as clearance_of
 from epuck_sim.embodied.sensors.sight import to_disc, to_segment
+from epuck_sim.embodied.start import clearance_cm as clearance_of
 from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_no_alloc
 

@@ -18,21 +18,26 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.display.arena_svg import draw_arena
+from epuck_sim.display.html import element, to_html
 from epuck_sim.embodied.bodies.world import World
-from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
-from epuck_sim.embodied.changes.schedule import begin_or_end, check_bodies_outside, displace_phases
-from epuck_sim.embodied.commands import Commands
+from epuck_sim.embodied.changes.schedule import (
+    begin_or_end,
+    check_bodies_outside,
+    displace_phases,
+    put_in,
+    take_out,
+)
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.history import MOST_STEPS, History, Stretch
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
-from epuck_sim.embodied.loop import FIRED, ControlLoop
+from epuck_sim.embodied.loop import FIRED, Commands, ControlLoop
 from epuck_sim.embodied.observers import Scene
-from epuck_sim.embodied.placement import draw_places, put_at_given_poses
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.sensors.own import OwnSensor
-from epuck_sim.embodied.start import Part, draw_start, spawned, vary
+from epuck_sim.embodied.start import Part, draw_places, draw_start, put_at_given_poses, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import RobotError
@@ -536,9 +541,10 @@ class Simulation:
 
     def _repr_html_(self) -> str:
         """Return the arena with the robots as they are now, for notebooks."""
-        from epuck_sim.embodied.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
-
-        return show_simulation(self.scenario, self.seed, self.last_step)
+        step, radii_cm = self.last_step, [kind.radius_cm for kind in self.scenario.robot_kinds]
+        when = f"step {step.number}, {step.time_s:.1f} s" if step.number >= 0 else "before its first step"
+        drawn = draw_arena(step.arena, step.poses, radii_cm, step.ring_on)
+        return to_html(element("p", element("b", self.scenario.name), f", seed {self.seed}: {when}"), drawn)
 
 
 def _from_snapshot(kind: type[Simulation], snapshot: Snapshot, interpret: bool) -> Simulation:

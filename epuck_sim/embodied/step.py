@@ -3,13 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.display.arena_svg import DARK, LIT
+from epuck_sim.display.html import element, table, to_html
 from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contacts
 from epuck_sim.embodied.swarm import Swarm, offset_of, poses_of
 from epuck_sim.scenario.base import refused_at
@@ -113,9 +117,7 @@ class Step(NamedTuple):
 
     def _repr_html_(self) -> str:
         """Return a table of the robots, for notebooks."""
-        from epuck_sim.embodied.notebook import show_step  # noqa: PLC0415 is for notebooks alone
-
-        return show_step(self)
+        return _show(self)
 
 
 class ShownArrays:
@@ -231,3 +233,57 @@ def check_fields(scenario: EmbodiedScenario, fields: Sequence[str]) -> None:
     with refused_at(f"{scenario.name}: memory"):
         for field in fields:
             check_field(scenario, field)
+
+
+# --- in notebooks --------------------------------------------------------------------------------------
+
+MOST_ROBOTS = 50
+"""Maximum number of robots in a table."""
+
+PIXEL_PX, ROW_PX = 2, 12
+"""Width and height of a camera's pixel in a table, in pixels of the screen."""
+
+HEADINGS = ("robot", "x [cm]", "y [cm]", "heading [rad]", "nearest [mm]", "camera", "wheels [cm/s]", "ring")
+
+
+def _show(step: Step) -> str:
+    """Return a table of what robots sensed and command at a step as HTML."""
+    head = element("p", element("b", f"Step {step.number}"), f", {step.time_s:.1f} s")
+    readings = step.readings
+    robots = range(min(len(step.poses), MOST_ROBOTS))
+    rows = (
+        [
+            str(robot),
+            *(f"{value:.1f}" for value in step.poses[robot, :2]),
+            f"{step.poses[robot, 2]:.2f}",
+            _nearest(step.distance_mm[robot]),
+            _draw_camera(step.camera[robot]),
+            ", ".join(f"{value:.1f}" for value in step.wheels_cm_s[robot]),
+            "lit" if step.ring_on[robot] else "dark",
+            *(_in_words(values[robot]) for values in readings.values()),
+        ]
+        for robot in robots
+    )
+    rest = len(step.poses) - len(robots)
+    more = [element("p", f"and {rest} robots more")] * bool(rest)
+    return to_html(head, table((*HEADINGS, *readings), rows), *more)
+
+
+def _in_words(reading: FloatArray) -> str:
+    """Return a robot's reading of a sensor in a file of its own, one number or an array."""
+    return ", ".join("-" if np.isnan(value) else f"{value:.3g}" for value in reading.ravel().tolist())
+
+
+def _nearest(distance_mm: IntArray) -> str:
+    nearest = int(distance_mm.min())
+    return "-" if nearest >= epuck.OUT_OF_RANGE_MM else str(nearest)
+
+
+def _draw_camera(row: IntArray) -> Element:
+    """Return a camera's row, (pixels,), as a strip that is red where a lit ring is seen."""
+    red = (
+        element("rect", x=PIXEL_PX * pixel, width=PIXEL_PX, height=ROW_PX, fill=LIT)
+        for pixel in np.flatnonzero(row).tolist()
+    )
+    width = PIXEL_PX * len(row)
+    return element("svg", element("rect", width=width, height=ROW_PX, fill=DARK), *red, width=width, height=ROW_PX)

@@ -15,7 +15,7 @@ from numba import types
 from epuck_sim.control.compilation import jit_functions
 from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.control.loader import find_controller
-from epuck_sim.embodied import controllers, loop, placement, start
+from epuck_sim.embodied import controllers, loop, start
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.sensors import camera, flash_cone, infrared, own, radio
 from epuck_sim.embodied.sensors.own import completion
@@ -54,8 +54,8 @@ _AGENTS: tuple[Root, ...] = (
 _ROBOTS: tuple[Root, ...] = (
     (start.draw_all, (BLOCK, WORDS, WORDS)),
     (start.vary, (BLOCK,)),
-    (placement.begin_placement, (BLOCK,)),
-    *((kernel, (BLOCK, types.int64, types.int64)) for kernel in (placement.place_on_grid, placement.place_at_random)),
+    (start.begin_placement, (BLOCK,)),
+    *((kernel, (BLOCK, types.int64, types.int64)) for kernel in (start.place_on_grid, start.place_at_random)),
     (camera.begin_pictures, (BLOCK, types.int64)),
     (elementary.add_directions, (ROWS, ROWS)),
     (chipmunk.place, _SWARM),

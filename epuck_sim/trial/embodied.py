@@ -12,7 +12,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.elementary import sin_cos
 from epuck_sim.embodied.history import MOST_STEPS
 from epuck_sim.embodied.observers import make_scene
-from epuck_sim.embodied.placement import draw_places, put_at_given_poses
+from epuck_sim.embodied.start import draw_places, put_at_given_poses
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import draw_start
 from epuck_sim.embodied.step import Step

@@ -71,7 +71,7 @@ def _has_room(scenario: EmbodiedScenario) -> bool:
     """Return whether robots are apart at given poses, or fewer than points of a grid, or find random places.
 
     They do where a twentieth of all places is free for the last one: one is found within as many draws as there are
-    (`placement.MAX_DRAWS`), 10,000, but once in 10 ** 222 trials. Where less is free, a few hundred are placed to try.
+    (`start.MAX_DRAWS`), 10,000, but once in 10 ** 222 trials. Where less is free, a few hundred are placed to try.
     """
     radius_cm, arena = max(kind.radius_cm for kind in scenario.group_kinds), scenario.arena.build()
     if all(group.poses for group in scenario.robots):

@@ -12,8 +12,16 @@ from epuck_sim import Simulation, load_scenario, points
 from epuck_sim.arena import clearance_cm, make_arena
 from epuck_sim.embodied.loop import act, stop_and_release, tick
 from epuck_sim.embodied.observers import find_contacts, make_scene
-from epuck_sim.embodied.placement import begin_placement, draw_places, is_free, put_at_given_poses
-from epuck_sim.embodied.start import Part, draw_start, spawned, vary
+from epuck_sim.embodied.start import (
+    Part,
+    begin_placement,
+    draw_places,
+    draw_start,
+    is_free,
+    put_at_given_poses,
+    spawned,
+    vary,
+)
 from epuck_sim.embodied.swarm import make_block, open_block, poses_of
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.scenario.robots import members

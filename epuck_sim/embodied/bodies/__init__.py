@@ -1,4 +1,4 @@
-"""Bodies: wheels that drive them, who may touch whom, and Chipmunk, the engine inside pymunk, which moves who does.
+"""Bodies: who may touch whom, and Chipmunk, the engine inside pymunk, which moves who does.
 
 May import: `swarm`, `cells`, the scenario, the arena and util; never sensors, controllers or the loop.
 """

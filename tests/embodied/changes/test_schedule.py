@@ -10,8 +10,7 @@ import pytest
 from epuck_sim import ScenarioError, Simulation, load_scenario, run_trial
 from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.embodied.cells import set_cells
-from epuck_sim.embodied.changes.attendance import put_in, take_out
-from epuck_sim.embodied.changes.schedule import displace_phases
+from epuck_sim.embodied.changes.schedule import displace_phases, put_in, take_out
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.scenario.changes import RobotDisplacement, TrialEvent
 from tests.control.bench import controlled_swarm, with_step, write_controller
