@@ -7,8 +7,8 @@ from typing import Any
 from epuck_sim.page.own import CURVE
 from epuck_sim.page.settings import Setting, fields_of, refuse, stops
 from epuck_sim.particles import neighbours
+from epuck_sim.particles.initial_conditions import rules_of
 from epuck_sim.particles.oscillators import BRANCHES, FLAT
-from epuck_sim.particles.rules import rules_of
 from epuck_sim.particles.swarm import ARRAYS, CALLS, SCENE, SCENE_BYTES, Arrays
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
 

@@ -23,6 +23,9 @@ FLAT = 2048
 SIMULTANEITY_CYCLES = 1e-12
 """Firings no farther apart than this count as simultaneous: rounding separates merged oscillators by less."""
 
+Moment = tuple[float, float]
+"""A cycle, from 0, and the time in it, 0 to 1."""
+
 ROUNDING_MARGIN = 1e-12
 """Upper bound, with a wide margin, of the rounding error of an order parameter."""
 
@@ -157,6 +160,13 @@ def measure_order(oscillators: Oscillators, time: float) -> float:
     if oscillators.scene.metric == REFERENCE:
         return cosines / len(oscillators.next_firing)
     return hypot(cosines, sines) / len(oscillators.next_firing)
+
+
+def last_firing_before(moment: Moment) -> Moment:
+    """Return cycle and time up to which oscillators fire at the same instant as a moment, and thus before a change."""
+    cycle, time = moment
+    later, within = divmod(time + SIMULTANEITY_CYCLES, 1.0)
+    return cycle + later, within
 
 
 def max_phase_offset(agents: int, threshold: float) -> float:

@@ -8,17 +8,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.display.arena_svg import draw_arena
+from epuck_sim.display.html import element, to_html
 from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.events import advance, observe, turn_if_next
-from epuck_sim.particles.initial_conditions import draw_differences, initial_speeds, start
+from epuck_sim.particles.initial_conditions import Rules, draw_differences, initial_speeds, rules_of, start
 from epuck_sim.particles.motion import begin_motion
 from epuck_sim.particles.neighbours import write_links
-from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, forget_earliest
+from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
-from epuck_sim.particles.rules import Rules, rules_of
-from epuck_sim.particles.swarm import Arrays
+from epuck_sim.particles.swarm import Arrays, keep_state
 from epuck_sim.scenario.changes import AgentDisplacement, TimedEntries, TrialEvent
 from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
@@ -26,9 +28,6 @@ from epuck_sim.scenario.scenario import Scenario, seed_of_trial
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import whole
 from epuck_sim.util.native import compile_kernel
-
-Moment = tuple[float, float]
-"""A cycle, from 0, and the time in it, 0 to 1."""
 
 NEVER: Moment = (math.inf, 0.0)
 """Later than any moment of a trial."""
@@ -48,15 +47,11 @@ FIRST_ROOM = 8
 NOBODY = np.empty(0, np.int64)
 """Indices of the agents that fire or receive where none do."""
 
-KEPT_FIELDS = (
-    *("now", "cycle", "fired", "received", "reached", "instants", "cycles", "firings", "pulses"),
-    *("is_synchronised", "order_parameter"),
-)
-KEPT_ARRAYS = (
-    *("next_firing", "period", "origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time"),
-    *("wall", "streams", "run_end_cycle", "run_end_time", "receiver_streams", "fired", "received", "headings_before"),
-)
-"""What a swarm keeps when its rules change while it runs."""
+SIDE_IN_RADII = 60
+"""Side of the space of agents, in radii of the disc that notebooks draw for each."""
+
+GLOW = 0.075
+"""Share of a period for which an agent that has fired is drawn lit; the flash of a robot lasts as long."""
 
 
 class Event(NamedTuple):
@@ -71,13 +66,6 @@ class Event(NamedTuple):
     """Indices of the agents that fired, in the order of the cascade."""
     received: IntArray
     """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
-
-
-def _last_firing_before(moment: Moment) -> Moment:
-    """Return cycle and time up to which oscillators fire at the same instant as a moment, and thus before a change."""
-    cycle, time = moment
-    later, within = divmod(time + SIMULTANEITY_CYCLES, 1.0)
-    return cycle + later, within
 
 
 def _number(name: str, text: str) -> property:
@@ -211,7 +199,7 @@ class ParticleSimulation:
 
     def _is_change_next(self) -> bool:
         """Return whether an entry of the schedule with a time comes before the next firing, wall and end of a run."""
-        if self.next_firing <= _last_firing_before(self._timed.next):
+        if self.next_firing <= last_firing_before(self._timed.next):
             return False
         swarm, (cycle, time) = self._observe(), self._timed.next
         ends = swarm.end_cycle
@@ -269,7 +257,7 @@ class ParticleSimulation:
         """Simulate until a limit is reached, as `_advance` does, and carry out what the schedule has until then."""
         self._is_changed = False
         while self._timed.next <= end:
-            self._advance(_last_firing_before(self._timed.next), pulses, cycles, offset)
+            self._advance(last_firing_before(self._timed.next), pulses, cycles, offset)
             if self.is_synchronised or self.cycles >= cycles or self._scene["pulses"] >= pulses:
                 return
             self._carry_out_timed()
@@ -278,7 +266,7 @@ class ParticleSimulation:
     def _carry_out_timed(self) -> None:
         """Carry out the entries of the schedule that have the next time; nothing else happens up to then."""
         scene, moment = self._scene, self._timed.next
-        self._advance(_last_firing_before(moment))  # counts time from the moment's cycle
+        self._advance(last_firing_before(moment))  # counts time from the moment's cycle
         scene["now"] = max(scene["now"], moment[0] - scene["cycle"] + moment[1])
         while self._timed.next == moment:
             self.carry_out_scheduled(self._timed.take())
@@ -308,10 +296,7 @@ class ParticleSimulation:
             before.start_time[:] = before.scene.now
             before.speed[:] = initial_speeds(scenario, self.seed)
         self._renew(rules_of(scenario))
-        for name in KEPT_FIELDS:
-            self._scene[name] = before.scene[name]
-        for name in KEPT_ARRAYS:
-            getattr(self._arrays, name)[:] = getattr(before, name)
+        keep_state(before, self._arrays)
         begin_motion(self._arrays.block)
         self._present = scenario
 
@@ -494,6 +479,13 @@ class ParticleSimulation:
 
     def _repr_html_(self) -> str:
         """Return the space with the agents as they are now, for notebooks."""
-        from epuck_sim.particles.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
-
-        return show_simulation(self)
+        side_cm, dimensions = self.scenario.space.side_cm, self.scenario.space.dimensions
+        moving = (self.positions(), self.headings())
+        positions, headings = (np.pad(array, ((0, 0), (0, 1)))[:, :2] for array in moving)  # a segment has no y
+        poses = np.column_stack([positions, np.arctan2(headings[:, 1], headings[:, 0])])
+        is_lit = (self.phases() < GLOW) & (self.firings > 0)
+        arena = make_arena(side_cm, side_cm if dimensions > 1 else 0.0, (), ())
+        seen = ", a cube seen from above" if dimensions == 3 else ""
+        state = f", seed {self.seed}: {self.time_s:.2f} s, {self.cycles} cycles{seen}"
+        drawn = draw_arena(arena, poses, side_cm / SIDE_IN_RADII, is_lit)
+        return to_html(element("p", element("b", self.scenario.name), state), drawn)

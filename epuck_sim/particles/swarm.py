@@ -229,6 +229,25 @@ class Arrays:
         return array
 
 
+KEPT_FIELDS = (
+    *("now", "cycle", "fired", "received", "reached", "instants", "cycles", "firings", "pulses"),
+    *("is_synchronised", "order_parameter"),
+)
+KEPT_ARRAYS = (
+    *("next_firing", "period", "origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time"),
+    *("wall", "streams", "run_end_cycle", "run_end_time", "receiver_streams", "fired", "received", "headings_before"),
+)
+"""What a swarm keeps when its rules change while it runs."""
+
+
+def keep_state(before: Arrays, after: Arrays) -> None:
+    """Have a swarm go on in another block, which begins with other rules."""
+    for name in KEPT_FIELDS:
+        after.scene[name] = before.scene[name]
+    for name in KEPT_ARRAYS:
+        getattr(after, name)[:] = getattr(before, name)
+
+
 # --- what compiled code takes from a block ------------------------------------------------------------
 
 
