@@ -1,24 +1,28 @@
-"""The control loop: move, sense, control, act, many steps in one call of compiled code (thesis 3.1.4.1)."""
+"""The control loop: move, sense, control, act, many steps in one call of compiled code (thesis 3.1.4.1).
+
+Measures see such a stretch of steps together.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.arena import Arena
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.control.interface import EXTERNAL, Controller
 from epuck_sim.embodied.bodies.chipmunk import move_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
 from epuck_sim.embodied.changes.schedule import blank, rest
 from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contacts, make_scene
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
-from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
+from epuck_sim.embodied.sensors.cone import perceive_flashes, receive_pulses
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.own import OwnSensor
-from epuck_sim.embodied.sensors.radio import receive_pulses
 from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, Swarm, copy_array, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
@@ -203,7 +207,7 @@ def act_together(
 
 
 def plan_calls(
-    scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], controllers: Sequence[Any], own: Sequence[Any] = ()
+    scenario: EmbodiedScenario, sensors: Sequence[OwnSensor], controllers: Sequence[GroupControllers]
 ) -> tuple[list[tuple[Any, int]], list[tuple[Any, int]]]:
     """Return what a control step calls, functions (block, addresses, number) with their numbers, early and late."""
     groups, differ, faulty = range(len(scenario.robots)), scenario.spread.clock_rate > 0, bool(scenario.faults)
@@ -212,11 +216,11 @@ def plan_calls(
         *([(stop_and_release, 0)] * (scenario.stuck.per_hour > 0)),
         *([(change_faults, 0)] * faulty),
         *((hold, group) for group in groups if faulty),
-        *((sense, group) for group in groups for sense in sensors[group]),
-        *((sensor, number) for number, sensor in enumerate(own)),
+        *((sense, group) for group, section in enumerate(scenario.robots) for sense in sensors_of(section)),
+        *((sensor, number) for number, sensor in enumerate(sensors)),
         *((blank_readings, group) for group in groups if faulty),
         *((blank, group) for group in groups if scenario.members_change),
-        *((controllers[group], group) for group in groups),
+        *((each, group) for group, each in enumerate(controllers)),
         *((freeze, group) for group in groups if faulty),
     ]
     return early, [*([(fail_actuators, 0)] * faulty), *([(rest, 0)] * scenario.members_change)]
@@ -254,7 +258,7 @@ class ControlLoop:
     ) -> None:
         """Compile what a control step calls, sensors in files of their own included, and number it in the block."""
         self._block = block
-        early, late = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups, sensors)
+        early, late = plan_calls(scenario, sensors, groups)
         every = [*early, *late]
         addresses = world.addresses()
         if swarm.scene[0].hides_flashes:
@@ -295,6 +299,109 @@ def _in_python(swarm: Swarm, world: World, calls: Sequence[tuple[Any, int]]) -> 
             functions[index](block, addresses, calls[index][1])
 
     return bind(steps.function, swarm_at=lambda _: swarm, begin_step=begin, make_calls=make)
+
+
+# --- stretches of steps, for measures --------------------------------------------------------------------
+
+MOST_STEPS = 50
+"""Largest number of steps that compiled code takes before Python has its turn, for Ctrl-C and for progress."""
+
+
+class Stretch(NamedTuple):
+    """Steps in a row, in one arena with the same robots; the last of them is the simulation's last step.
+
+    The arrays are overwritten by the next stretch: copy what you keep.
+    """
+
+    first: int
+    """Number of the first step."""
+    poses: FloatArray
+    """(steps, robots, 3) cm, cm, rad: x, y, heading."""
+    wheels_cm_s: FloatArray
+    """(steps, robots, 2) cm/s: left and right wheel as commanded."""
+    ring_on: BoolArray
+    """(steps, robots): whether the ring is lit."""
+    ring_before: BoolArray
+    """(steps, robots): whether it was lit before controllers acted, which is what others see."""
+    present: BoolArray
+    """(robots,): whether each robot is in the arena."""
+    scene: Scene
+    """The arena, and places for robots, for those who look from outside."""
+
+    @property
+    def sightings(self) -> IntArray:
+        """(sightings, 3) step from 0, robot that looks, and robot whose lit ring it sees, as `Step.sightings`."""
+        return find_all_sightings(self.scene, self.poses, self.present, self.ring_before)
+
+    @property
+    def views(self) -> IntArray:
+        """(views, 3) step from 0, robot that looks, and robot that is in its view, lit or not."""
+        return find_all_sightings(self.scene, self.poses, self.present, None)
+
+    @property
+    def contacts(self) -> IntArray:
+        """(contacts, 3) step from 0, robot, and the robot that it touches, or -1, as `Step.contacts`."""
+        return find_contacts(self.scene, self.poses)[0]
+
+
+@jit_no_alloc
+def record_steps(
+    block: ByteArray,
+    addresses: IntArray,
+    steps: int,
+    poses: FloatArray,
+    wheels_cm_s: FloatArray,
+    ring_on: BoolArray,
+    ring_before: BoolArray,
+) -> int:
+    """Take control steps until the reference fires, as `take_steps` does, and write what `Stretch` has of each."""
+    robots = swarm_at(block).robots
+    outcome = DONE
+    for step in range(steps):
+        outcome = take_steps(block, addresses, 1, True)
+        if outcome >= 0:
+            break
+        for number in range(len(robots)):
+            robot = robots[number]
+            poses[step, number, 0], poses[step, number, 1], poses[step, number, 2] = robot.x, robot.y, robot.heading
+            wheels_cm_s[step, number, 0], wheels_cm_s[step, number, 1] = robot.left_cm_s, robot.right_cm_s
+            ring_on[step, number], ring_before[step, number] = robot.ring_on, robot.ring_before
+        if outcome == FIRED:
+            break
+    return outcome
+
+
+class History:
+    """Takes steps of a simulation's control loop, and keeps what measures need of them."""
+
+    def __init__(self, scenario: EmbodiedScenario, block: ByteArray, swarm: Swarm, loop: ControlLoop) -> None:
+        """Make room for `MOST_STEPS` steps, and compile what takes them."""
+        self._scenario, self._block, self._swarm, self._loop = scenario, block, swarm, loop
+        robots = len(swarm.robots)
+        self._arrays: tuple[Any, ...] = (
+            *(np.zeros((MOST_STEPS, robots, columns)) for columns in (3, 2)),
+            *(np.zeros((MOST_STEPS, robots), np.bool_) for _ in range(2)),
+        )
+        record: Any = record_steps
+        in_python = {"take_steps": loop.take_steps, "swarm_at": lambda _: swarm}
+        self._record = record if loop.is_compiled else bind(record.function, **in_python)
+        self._scene: tuple[Arena, Scene] | None = None
+        self.take(0)  # compiles now, which belongs to no trial's time
+
+    def take(self, steps: int) -> int:
+        """Take up to so many steps, as `record_steps` does."""
+        return int(self._record(self._block, self._loop.addresses, steps, *self._arrays))
+
+    def stretch(self, first: int, steps: int, arena: Arena) -> Stretch:
+        """Return so many steps that were taken from step `first` on, in this arena."""
+        if self._scene is None or self._scene[0] is not arena:
+            self._scene = arena, make_scene(self._scenario.robots, self._scenario.group_kinds, arena)
+        scene = self._scene[1]
+        circles = scene.swarm.circles
+        circles["x"], circles["y"], circles["radius"] = arena.circles.T  # movables move
+        present: BoolArray = self._swarm.robots.present
+        poses, wheels, ring_on, ring_before = (each[:steps] for each in self._arrays)
+        return Stretch(first, poses, wheels, ring_on, ring_before, present, scene)
 
 
 # --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------

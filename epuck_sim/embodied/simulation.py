@@ -31,9 +31,8 @@ from epuck_sim.embodied.changes.schedule import (
     take_out,
 )
 from epuck_sim.embodied.controllers import GroupControllers
-from epuck_sim.embodied.history import MOST_STEPS, History, Stretch
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
-from epuck_sim.embodied.loop import FIRED, Commands, ControlLoop
+from epuck_sim.embodied.loop import FIRED, MOST_STEPS, Commands, ControlLoop, History, Stretch
 from epuck_sim.embodied.observers import Scene
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.sensors.own import OwnSensor

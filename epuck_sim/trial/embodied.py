@@ -10,11 +10,10 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.elementary import sin_cos
-from epuck_sim.embodied.history import MOST_STEPS
+from epuck_sim.embodied.loop import MOST_STEPS
 from epuck_sim.embodied.observers import make_scene
-from epuck_sim.embodied.start import draw_places, put_at_given_poses
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.start import draw_start
+from epuck_sim.embodied.start import draw_places, draw_start, put_at_given_poses
 from epuck_sim.embodied.step import Step
 from epuck_sim.embodied.swarm import poses_of
 from epuck_sim.errors import ControllerError, ScenarioError

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import MeasureError, ParticleSimulation, Simulation, load_scenario
-from epuck_sim.embodied.history import MOST_STEPS
+from epuck_sim.embodied.loop import MOST_STEPS
 from epuck_sim.measures.measure import SHIPPED, find_measure
 from epuck_sim.trial.measuring import as_value
 from epuck_sim.trial.model import run_trial, simulate

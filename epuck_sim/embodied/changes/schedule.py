@@ -14,8 +14,8 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import ACTUATORS
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.sensors.cone import forget_signals
 from epuck_sim.embodied.sensors.infrared import read_nothing
-from epuck_sim.embodied.sensors.radio import forget_signals
 from epuck_sim.embodied.start import (
     PLACED,
     TOLERANCE_CM,

@@ -1,4 +1,4 @@
-"""Sensors of flashes without pixels: which lit rings lie in a cone, and whether something hides them.
+"""Sensors without a picture: which lit rings lie in a cone, and whether something hides them; and radio pulses.
 
 To the ideal sensor (thesis 3.1.2, 3.1.4.3), robots count by their centres: a robot is in the cone if its centre is, and
 it is hidden if the line between the centres of the two meets the body of a third robot, or an obstacle.
@@ -7,6 +7,10 @@ To Enki's camera (thesis 3.1.4.3; Magnenat et al. 2007, `CircularCam`), a disc c
 the distance of its centre, atan(radius / distance) to either side, and hides what is covered by discs whose centres are
 farther. A robot is seen if any part of its arc is in view and not hidden, and if its centre is within the range and its
 radius. Pixels are as narrow as can be: Enki's are 60.
+
+By radio (thesis 6.2), a robot sends in each control step in which its ring goes on, or its controller sets
+`actuators.send`. The pulse is on the air in the next control step, in which robots also see the ring, and arrives
+`latency` control steps later.
 """
 
 import math
@@ -14,12 +18,22 @@ from typing import Any, NamedTuple
 
 from epuck_sim import elementary
 from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.control.interface import MAX_MESSAGES
 from epuck_sim.embodied.cells import cells_around, members_along, members_in_row, rows_along
+from epuck_sim.embodied.sensors.camera import NEVER
 from epuck_sim.embodied.sensors.sight import find_lit, find_visible
-from epuck_sim.embodied.swarm import Swarm, swarm_at
-from epuck_sim.scenario.robots import ConeSection, ConeSignal, EnkiCameraSignal, SectorSection
+from epuck_sim.embodied.swarm import Swarm, group_of, swarm_at
+from epuck_sim.scenario.robots import (
+    ConeSection,
+    ConeSignal,
+    EnkiCameraSignal,
+    RadioSignal,
+    SectorSection,
+    SignalSection,
+)
 from epuck_sim.util.elementary import atan2, hypot, sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.rng import uniform
 
 _FULL_CIRCLE_COS = -2.0
 """Stands for the cosine of half the angle of a full circle; below any cosine."""
@@ -241,3 +255,70 @@ def _angle_to(look: _Look, x: float, y: float) -> float:
 def _extended(covered: float, low: float, high: float) -> float:
     """Return up to where an arc is covered with what is between two angles."""
     return high if low <= covered < high else covered
+
+
+# --- radio --------------------------------------------------------------------------------------------
+
+
+def slots_of(section: SignalSection, step_ms: int) -> int:
+    """Return the number of control steps for which each robot of a group has PULSES in `Swarm.air`; 0 without radio."""
+    return math.ceil(section.latency_ms / step_ms) + 1 if isinstance(section, RadioSignal) else 0
+
+
+def set_radio(record: Any, section: RadioSignal, step_ms: int) -> None:
+    """Set RADIO of a group, without the index of its pulses; `set_cone` says where they reach."""
+    record.loss, record.collisions, record.half_duplex = section.loss, section.collisions, section.half_duplex
+    record.slots = slots_of(section, step_ms)
+
+
+@jit_no_alloc
+def receive_pulses(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+    """Send the pulses of the last control step on their way, and deliver to a group those that arrive in this one."""
+    swarm = swarm_at(block)
+    group, step = swarm.groups[number], swarm.scene[0].step
+    radio = group.radio
+    senders = 0
+    for index in range(len(swarm.robots)):
+        robot = swarm.robots[index]
+        goes_on = robot.ring_on and not robot.ring_before
+        robot.sends = goes_on or robot.actuators.send != 0
+        if robot.sends:
+            swarm.numbers[senders] = index
+            senders += 1
+    departing, arriving = (step + radio.slots - 1) % radio.slots, step % radio.slots
+    for place in range(group.count):
+        leaving = swarm.air[radio.first + departing * group.count + place]
+        leaving.count = _take_from_air(swarm, group, senders, group.first + place, leaving)
+        pulses = swarm.air[radio.first + arriving * group.count + place]
+        sensors = swarm.robots[group.first + place].sensors
+        sensors.pulses = pulses.count
+        for message in range(MAX_MESSAGES):
+            sensors.messages[message] = pulses.messages[message] if message < pulses.count else 0
+        swarm.pixels[group.row + place] = 1 if pulses.count > 0 else 0
+
+
+@jit_inline
+def _take_from_air(swarm: Swarm, group: Any, senders: int, number: int, pulses: Any) -> int:
+    """Write the messages that reach a robot in this control step; return how many do."""
+    radio, receiver = group.radio, swarm.robots[number]
+    if radio.half_duplex and receiver.sends:
+        return 0
+    count = 0
+    for place in range(senders):
+        sender = swarm.numbers[place]
+        if sender == number or not in_cone(receiver, swarm.robots[sender], group.cone):
+            continue
+        if radio.loss > 0.0 and uniform(receiver.signal_random) < radio.loss:
+            continue
+        if count < MAX_MESSAGES:
+            pulses.messages[count] = swarm.robots[sender].actuators.send
+        count += 1
+    return 0 if radio.collisions and count > 1 else count
+
+
+def forget_signals(swarm: Swarm, robot: int) -> None:
+    """Have neither a picture nor a pulse be on its way to a robot; its camera goes on at its instants."""
+    swarm.robots[robot].picture_arrives = NEVER
+    group = swarm.groups[group_of(swarm, robot)]
+    first = group.radio.first + robot - group.first
+    swarm.air.count[first : first + group.radio.slots * group.count : group.count] = 0
