@@ -95,7 +95,6 @@ def _lengths(
     controllers: Sequence[Controller],
     sensors: Sequence[Sequence[Sensor]],
 ) -> dict[str, int]:
-    """Return how long each array of the block is."""
     groups, faults = scenario.robots, len(scenario.faults)
     own = [(each, group.count) for group, listed in zip(groups, sensors, strict=True) for each in listed]
     # of the swarm: imperfections, faults; of a group: sensors, controllers, faults

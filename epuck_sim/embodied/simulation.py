@@ -21,15 +21,9 @@ from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, to_html
 from epuck_sim.embodied.bodies.world import World
+from epuck_sim.embodied.changes import schedule
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
-from epuck_sim.embodied.changes.schedule import (
-    begin_or_end,
-    check_bodies_outside,
-    displace_phases,
-    put_in,
-    take_out,
-)
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, MOST_STEPS, Commands, ControlLoop, History, Stretch
@@ -126,7 +120,9 @@ class Simulation:
             raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")
         self._step_ms, self._interpret = scenario.timing.step_ms, interpret
         self.step_s = self._step_ms / 1000
-        self._timed = TimedEntries(scenario.schedule, self._first_step, sys.maxsize)
+        self._timed = TimedEntries(  # by the first control step that is not before a time
+            scenario.schedule, lambda at_s: math.ceil(round(at_s * 1000, 6) / self._step_ms), sys.maxsize
+        )
         self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # steps at once
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         controllers = [find_controller(group.controller) for group in scenario.robots]
@@ -216,10 +212,9 @@ class Simulation:
                 group.memory[name] = value
         self._starts[0] = False
         if scenario.members_change:
-            take_out(self._absent, self._swarm, self._world, self._groups)
+            schedule.take_out(self._absent, self._swarm, self._world, self._groups)
 
     def _clear(self, block: ByteArray) -> None:
-        """Make a block what it is before anything is drawn."""
         block[: len(self._template)] = self._template
         block[len(self._template) : self._swarm.scene[0].at[PATCHES]] = 0
 
@@ -321,10 +316,6 @@ class Simulation:
         first, has_movables = self.steps, self._arena.first_movable < len(self._arena.circles)
         self._run(min(self._unchanged(first), steps, 1 if has_movables else MOST_STEPS), history=self._history)
         return self._history.stretch(first, self.steps - first, self.last_step.arena)
-
-    def _first_step(self, at_s: float) -> int:
-        """Return the number of the first control step that is not before a time."""
-        return math.ceil(round(at_s * 1000, 6) / self._step_ms)
 
     def _unchanged(self, taken: int) -> int:
         """Carry out the entries of the schedule that are due; return how many steps may follow at once."""
@@ -437,15 +428,15 @@ class Simulation:
         origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {self.seed}"
         phases = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number))
         places = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number, 0))
-        take_out(entry.remove, swarm, self._world, self._groups)
+        schedule.take_out(entry.remove, swarm, self._world, self._groups)
         if entry.arena_values():
             arena = arena_after(scenario, number).build()
             set_arena(swarm, arena, cell_cm(scenario.group_kinds))
             self._world.change_arena(arena)
             self._show(arena)
-            check_bodies_outside(swarm, origin)
+            schedule.check_bodies_outside(swarm, origin)
         try:
-            put_in(entry.add, entry.poses, scenario, self._block, self._world, self._groups, places, origin)
+            schedule.put_in(entry.add, entry.poses, scenario, self._block, self._world, self._groups, places, origin)
         except RobotError as error:
             raise ControllerError(f"{origin}: {error}") from error
         for (group, sensor), values in entry.parameters().items():
@@ -454,10 +445,10 @@ class Simulation:
             else:
                 self._set_sensor(group, sensor, values)
         if entry.displace is not None:
-            displace_phases(swarm, self._groups, entry.displace, phases)
+            schedule.displace_phases(swarm, self._groups, entry.displace, phases)
         for faults, begins in ((entry.begin, True), (entry.end, False)):
             for fault in faults:
-                begin_or_end(swarm, fault, begins=begins, time_ms=time_ms)
+                schedule.begin_or_end(swarm, fault, begins=begins, time_ms=time_ms)
         self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{number}", entry.what))
 
     def replace_controller(self, group: int, controller: Controller) -> Replaced:
@@ -501,7 +492,6 @@ class Simulation:
     # --- snapshots ------------------------------------------------------------------------------------
 
     def _note(self, method: str, *given: Any, **values: Any) -> None:
-        """Have snapshots know of a call that has changed the simulation."""
         self._changes.append(Change(self.steps, method, given, values))
 
     def snapshot(self) -> Snapshot:
@@ -539,7 +529,6 @@ class Simulation:
         return _from_snapshot, (type(self), self.snapshot(), self._interpret)
 
     def _repr_html_(self) -> str:
-        """Return the arena with the robots as they are now, for notebooks."""
         step, radii_cm = self.last_step, [kind.radius_cm for kind in self.scenario.robot_kinds]
         when = f"step {step.number}, {step.time_s:.1f} s" if step.number >= 0 else "before its first step"
         drawn = draw_arena(step.arena, step.poses, radii_cm, step.ring_on)

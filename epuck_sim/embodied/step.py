@@ -116,7 +116,6 @@ class Step(NamedTuple):
         return f"Step(number={self.number}, time_s={self.time_s:g}, robots={len(self.poses)})"
 
     def _repr_html_(self) -> str:
-        """Return a table of the robots, for notebooks."""
         return _show(self)
 
 
@@ -247,7 +246,6 @@ HEADINGS = ("robot", "x [cm]", "y [cm]", "heading [rad]", "nearest [mm]", "camer
 
 
 def _show(step: Step) -> str:
-    """Return a table of what robots sensed and command at a step as HTML."""
     head = element("p", element("b", f"Step {step.number}"), f", {step.time_s:.1f} s")
     readings = step.readings
     robots = range(min(len(step.poses), MOST_ROBOTS))
@@ -270,7 +268,6 @@ def _show(step: Step) -> str:
 
 
 def _in_words(reading: FloatArray) -> str:
-    """Return a robot's reading of a sensor in a file of its own, one number or an array."""
     return ", ".join("-" if np.isnan(value) else f"{value:.3g}" for value in reading.ravel().tolist())
 
 

@@ -375,17 +375,14 @@ def make_block(lengths: Mapping[str, int]) -> ByteArray:
 
 def open_block(block: ByteArray) -> Swarm:
     """Return the arrays of a block for Python: `swarm.robots.x` is the x of all robots, (robots,), in place."""
-    at = block[_AT].view(np.int64).tolist()
-    return Swarm(*(_array(block, *each) for each in zip(at[:-1], at[1:], DTYPES.values(), strict=True)))
+    at, arrays = block[_AT].view(np.int64).tolist(), []
+    for first, end, dtype in zip(at[:-1], at[1:], DTYPES.values(), strict=True):
+        kind: Any = np.recarray if dtype.names else np.ndarray
+        arrays.append(np.ndarray.__new__(kind, ((end - first) // dtype.itemsize,), dtype, block, first))
+    return Swarm(*arrays)
 
 
 _AT = slice(8 * (ARRAYS + 1))  # where a scene has its offsets
-
-
-def _array(block: ByteArray, first: int, end: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    kind: Any = np.recarray if dtype.names else np.ndarray
-    array: npt.NDArray[Any] = np.ndarray.__new__(kind, ((end - first) // dtype.itemsize,), dtype, block, first)
-    return array
 
 
 def group_of(swarm: Swarm, robot: int) -> int:

@@ -126,7 +126,6 @@ def view_at(block: Any, first: int, end: int, dtype: np.dtype[Any]) -> Any:
 
 @contextmanager
 def _time_limit(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in Python code that takes longer."""
     end_s, before = perf_counter() + seconds, sys.gettrace()
 
     def trace(*_: object) -> Any:

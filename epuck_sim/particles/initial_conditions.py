@@ -102,7 +102,6 @@ def rules_of(scenario: ParticleScenario) -> Rules:
 
 
 def _make_rules(scenario: ParticleScenario) -> Rules:
-    """Return the rules of a scenario; compile what they call, before any clock runs."""
     agents, dimensions, response = scenario.agents, scenario.space.dimensions, make_response(scenario.response)
     values = {**neighbourhood_of(scenario), **_scene_values(scenario, response)}
     speeds = speed_table(agents) * scenario.clocks.period_s if agents.speed_per_run else np.zeros(0)
@@ -220,7 +219,6 @@ def _draw_doubles(numbers: FloatArray, scene: Any, child: int) -> None:
 
 @jit_no_alloc
 def _seed_streams(streams: npt.NDArray[np.void], scene: Any, child: int) -> None:
-    """Set generators, (agents,), from a child of the trial's seed."""
     spawn(scene.child, scene.seed, child)
     factor = DRAW_BEGIN
     for agent in range(len(streams)):

@@ -403,7 +403,6 @@ def _bound_crossing_times(trajectories: Trajectories, neighbours: Neighbours, ti
 
 @jit_inline
 def _cell_index(scene: Any, coordinate_cm: float) -> int:
-    """Return the index, along an axis, of the cell that contains a coordinate."""
     index: int = min(max(math.floor(coordinate_cm / scene.cell_cm), 0), scene.cells - 1)
     return index
 

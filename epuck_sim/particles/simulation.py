@@ -128,7 +128,6 @@ class ParticleSimulation:
         self._begin(chosen)
 
     def _begin(self, seed: int) -> None:
-        """Begin a trial in a swarm to which nothing has happened."""
         self.seed = seed
         draw_differences(self._arrays, self.scenario, self.seed)
         start(self._arrays.block, self._addresses, seed_words(self.seed))
@@ -478,7 +477,6 @@ class ParticleSimulation:
         return links if agents < SHIFTS_ONLY else links[is_shifted]
 
     def _repr_html_(self) -> str:
-        """Return the space with the agents as they are now, for notebooks."""
         side_cm, dimensions = self.scenario.space.side_cm, self.scenario.space.dimensions
         moving = (self.positions(), self.headings())
         positions, headings = (np.pad(array, ((0, 0), (0, 1)))[:, :2] for array in moving)  # a segment has no y

@@ -33,7 +33,6 @@ except ImportError:
 
 
 def _setter(name: str) -> Callable[..., None]:
-    """Return a function that sets an attribute to a number, or a vector to several."""
     return lambda thing, *values: setattr(thing, name, values if len(values) > 1 else values[0])
 
 

@@ -145,7 +145,6 @@ def _is_near_obstacle(swarm: Swarm, number: int, reach_cm: float) -> bool:
 
 @jit_inline
 def _meets_robot(swarm: Swarm, number: int, time_s: float, reach_cm: float) -> bool:
-    """Return whether the straight lines of a robot and another one come so close that the two touch."""
     robot = swarm.robots[number]
     near = cells_around(robot.x, robot.y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
@@ -232,7 +231,6 @@ def _slide(
 
 @jit_inline
 def _push(one: Any, other: Any, steps: int, step_s: float, reach_cm: float) -> Motion:
-    """Return where two robots are after some physics steps."""
     together_cm = one.radius_cm + other.radius_cm
     share = other.mass_g / (one.mass_g + other.mass_g)  # of a change of speed that the first one takes
     x, y, vx, vy = one.x, one.y, one.vx, one.vy

@@ -112,7 +112,6 @@ def _await_next(swarm: Swarm, fault: int, robot: int) -> None:
 
 @jit_no_alloc
 def _change(swarm: Swarm, fault: int, robot: int) -> None:
-    """Begin or end a fault of a robot, and set the time of the next change."""
     section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + robot]
     if section.kind == RESTART:
         swarm.robots[robot].starts_anew_at = uniform(affected.random)
@@ -295,7 +294,6 @@ def hide_flashes(block: ByteArray, _addresses: IntArray, robot: int) -> None:
 
 @jit_no_alloc
 def _misses(swarm: Swarm, robot: int, sender: int) -> bool:
-    """Return whether a robot misses the present flash of another one."""
     to, here = swarm.robots[sender], swarm.robots[robot]
     for fault in range(len(swarm.faults)):
         section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + robot]

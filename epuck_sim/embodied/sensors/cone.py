@@ -107,7 +107,6 @@ def in_cone(receiver: Any, sender: Any, cone: Any) -> bool:
 
 @jit_inline
 def _is_hidden(swarm: Swarm, receiver: int, sender: int) -> bool:
-    """Return whether a robot's body or an obstacle is on the line between the centres of two robots."""
     scene = swarm.scene[0]
     ax, ay = swarm.robots[receiver].x, swarm.robots[receiver].y
     bx, by = swarm.robots[sender].x, swarm.robots[sender].y

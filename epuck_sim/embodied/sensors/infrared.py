@@ -85,7 +85,6 @@ def _meet_wall(sensors: Any, away: float, ahead: float, aside: float) -> None:
 
 @jit_inline
 def _meet_robots(swarm: Swarm, sensors: Any, robot: Any, number: int, cos: float, sin: float) -> None:
-    """Shorten the rays that meet another robot; those in the cells around are looked at."""
     x, y = robot.x, robot.y
     reach = sensors.reach_cm + swarm.scene[0].largest_cm
     near = cells_around(x, y, swarm.scene[0])
@@ -100,7 +99,6 @@ def _meet_robots(swarm: Swarm, sensors: Any, robot: Any, number: int, cos: float
 
 @jit_inline
 def _meet_obstacles(swarm: Swarm, sensors: Any, robot: Any, cos: float, sin: float) -> None:
-    """Shorten the rays that meet an obstacle or a movable."""
     x, y, reach = robot.x, robot.y, sensors.reach_cm
     for place in range(swarm.scene[0].circles):
         circle = swarm.circles[place]
