@@ -440,25 +440,25 @@ class Commands:
             raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
         for name, values in given.items():
             if values is not None:
-                _check(name, np.asarray(values), PARTS[name], self.robots[PARTS[name]])
+                self._check(name, np.asarray(values))
 
-
-def _check(name: str, values: npt.NDArray[Any], part: str, robots: IntArray) -> None:
-    if not len(robots):
-        raise ValueError(
-            f"{name} is given, but no robot has its {part} commanded from outside; give a group `controller: external`"
-            f", external_{part} or a file with EXTERNAL = ({part!r},)"
-        )
-    if values.shape not in ((), robots.shape):
-        raise ValueError(
-            f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot whose {part} is "
-            "commanded from outside, or a single one for all"
-        )
-    allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
-    if part == "ring":
-        allowed, fits = "true and false, or 1 and 0", np.isin(values, (0, 1))
-    elif values.dtype.kind in "iuf":
-        fits = ~np.isnan(values)
-    if not fits.all():
-        robot = robots[np.broadcast_to(fits, robots.shape).argmin()]
-        raise ValueError(f"{name} is {values[~fits][0]} for robot {robot}; allowed: {allowed}")
+    def _check(self, name: str, values: npt.NDArray[Any]) -> None:
+        part, robots = PARTS[name], self.robots[PARTS[name]]
+        if not len(robots):
+            raise ValueError(
+                f"{name} is given, but no robot has its {part} commanded from outside; give a group `controller: "
+                f"external`, external_{part} or a file with EXTERNAL = ({part!r},)"
+            )
+        if values.shape not in ((), robots.shape):
+            raise ValueError(
+                f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot whose {part} "
+                "is commanded from outside, or a single one for all"
+            )
+        allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
+        if part == "ring":
+            allowed, fits = "true and false, or 1 and 0", np.isin(values, (0, 1))
+        elif values.dtype.kind in "iuf":
+            fits = ~np.isnan(values)
+        if not fits.all():
+            robot = robots[np.broadcast_to(fits, robots.shape).argmin()]
+            raise ValueError(f"{name} is {values[~fits][0]} for robot {robot}; allowed: {allowed}")

@@ -107,7 +107,7 @@ def write_sightings(
     for step in range(len(poses)):
         for robot in range(robots):
             swarm.numbers[robots + robot] = robot + 1 if listed[step, robot] else 0
-        lit = list_labelled(robots, swarm.numbers)
+        lit = list_labelled(swarm)
         if lit == 0:
             continue
         place_robots(block, poses[step])

@@ -30,7 +30,7 @@ from epuck_sim.embodied.loop import FIRED, MOST_STEPS, Commands, ControlLoop, Hi
 from epuck_sim.embodied.observers import Scene
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.sensors.own import OwnSensor
-from epuck_sim.embodied.start import Part, draw_places, draw_start, put_at_given_poses, spawned, vary
+from epuck_sim.embodied.start import FAULTS, SCHEDULE, draw_places, draw_start, put_at_given_poses, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import RobotError
@@ -200,7 +200,7 @@ class Simulation:
         if self._arena is not self._arenas[0]:
             self._show(self._arenas[0])
         if scenario.faults:
-            restart_faults(block, scenario, spawned(self.seed, Part.FAULTS))
+            restart_faults(block, scenario, spawned(self.seed, FAULTS))
         for number, (group, section) in enumerate(zip(self._groups, scenario.robots, strict=True)):
             if section.signal.kind == "camera" and section.camera.frames_per_s is not None:
                 begin_pictures(block, number)
@@ -426,8 +426,8 @@ class Simulation:
         scenario, swarm, entry = self.scenario, self._swarm, self.scenario.schedule[number]
         time_ms = self.steps * self._step_ms
         origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {self.seed}"
-        phases = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number))
-        places = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number, 0))
+        phases = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE, number))
+        places = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE, number, 0))
         schedule.take_out(entry.remove, swarm, self._world, self._groups)
         if entry.arena_values():
             arena = arena_after(scenario, number).build()

@@ -7,12 +7,10 @@ scratch numbers the next one behind each robot.
 """
 
 import math
-from enum import IntEnum
 
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
-from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.cells import cell_of, cells_around
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.epuck import GRID_SPACING_CM
@@ -36,25 +34,11 @@ from epuck_sim.util.generators import (
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.rng import uniform
 
-
-class Part(IntEnum):
-    """What has random numbers of its own, independent of those of all others: spawn keys of the trial's seed."""
-
-    PLACEMENT = 0
-    INFRARED_NOISE = 1
-    WHEEL_NOISE = 2
-    CONTROLLERS = 3
-    VARIATION = 4
-    SIGNALS = 5
-    FAULTS = 6
-    SCHEDULE = 7
-    SENSORS = 8
+PLACEMENT, INFRARED_NOISE, WHEEL_NOISE, CONTROLLERS, VARIATION, SIGNALS, FAULTS, SCHEDULE, SENSORS = range(9)
+"""What has random numbers of its own, independent of those of all others: spawn keys of the trial's seed."""
 
 
-_PLACEMENT, _INFRARED_NOISE, _WHEEL_NOISE, _CONTROLLERS, _VARIATION, _SIGNALS, *_ = map(int, Part)
-
-
-def spawned(seed: int, part: Part) -> np.random.SeedSequence:
+def spawned(seed: int, part: int) -> np.random.SeedSequence:
     """Return the seed sequence of one part of the trial with this seed."""
     return np.random.SeedSequence(seed, spawn_key=(part,))
 
@@ -72,22 +56,20 @@ def draw_all(block: ByteArray, words: WordArray, scratch: WordArray) -> None:
     size = len(scratch) // 2
     trial, part = scratch[:size], scratch[size:]
     begin_sequence(trial, words)
-    for key in range(_SIGNALS + 1):
+    for key in range(SIGNALS + 1):
         spawn(part, trial, key)
-        if key == _PLACEMENT:
+        if key == PLACEMENT:
             seed_pcg64(scene.placement_random, part)
-        elif key == _INFRARED_NOISE:
+        elif key == INFRARED_NOISE:
             seed_sfc64(scene.noise_random, part)
-        elif key == _WHEEL_NOISE:
+        elif key == WHEEL_NOISE:
             seed_sfc64(scene.slip_random, part)
-        elif (
-            key == _CONTROLLERS or (key == _VARIATION and scene.robots_vary) or (key == _SIGNALS and scene.signals_draw)
-        ):
+        elif key == CONTROLLERS or (key == VARIATION and scene.robots_vary) or (key == SIGNALS and scene.signals_draw):
             factor = DRAW_BEGIN
             for number in range(len(robots)):
                 robot = robots[number]
-                stream = robot.variation_random if key == _VARIATION else robot.signal_random
-                factor = draw_row(robot.random if key == _CONTROLLERS else stream, part, factor)
+                stream = robot.variation_random if key == VARIATION else robot.signal_random
+                factor = draw_row(robot.random if key == CONTROLLERS else stream, part, factor)
 
 
 @jit_no_alloc
@@ -104,7 +86,7 @@ def vary(block: ByteArray) -> None:
             robot.free_gain[wheel] = robot.wheel_gain[wheel]
         robot.clock_rate = 1 + spread[2] * (2 * uniform(random) - 1)
         robot.own_step_ms = step_ms * robot.clock_rate
-        for sensor in range(SENSORS):
+        for sensor in range(len(robot.infrared_gain)):
             robot.infrared_gain[sensor] = 1 + spread[3] * (2 * uniform(random) - 1)
 
 

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import platformdirs
 
-from epuck_sim.util.machine import USER, is_open_to_others, is_ours
+USER = os.getuid() if hasattr(os, "getuid") else None
+"""Number of the user who runs this process; None where users have none."""
 
 UNUSED_S = 30 * 24 * 3600.0
 """Time in seconds after which compiled code that no process has used is removed."""
@@ -55,6 +56,16 @@ def _temporary_root() -> Path:
         if _is_private(folder):
             return folder
     return Path(tempfile.mkdtemp(prefix="epuck-sim-"))
+
+
+def is_ours(path: Path) -> bool:
+    """Return whether a file or folder, not what a link leads to, belongs to this user."""
+    return USER is None or path.lstat().st_uid == USER
+
+
+def is_open_to_others(path: Path) -> bool:
+    """Return whether other users can write to a file or folder, as its mode has it."""
+    return USER is not None and bool(path.lstat().st_mode & 0o022)
 
 
 def _is_private(folder: Path) -> bool:

@@ -1,6 +1,6 @@
-"""What this machine has, and what not every system has: users, signals, limits of a process, memory, ports.
+"""What this machine has, and what not every system has: signals, limits of a process, memory, ports.
 
-Where users, signals or limits are missing, none applies.
+Where signals or limits are missing, none applies.
 """
 
 import mmap
@@ -17,19 +17,6 @@ try:
     import resource
 except ImportError:  # on Windows
     resource = None  # type: ignore[assignment]
-
-USER = os.getuid() if hasattr(os, "getuid") else None
-"""Number of the user who runs this process; None where users have none."""
-
-
-def is_ours(path: Path) -> bool:
-    """Return whether a file or folder, not what a link leads to, belongs to this user."""
-    return USER is None or path.lstat().st_uid == USER
-
-
-def is_open_to_others(path: Path) -> bool:
-    """Return whether other users can write to a file or folder, as its mode has it."""
-    return USER is not None and bool(path.lstat().st_mode & 0o022)
 
 
 def signals(*names: str) -> tuple[signal.Signals, ...]:

@@ -13,7 +13,7 @@ from epuck_sim.arena import clearance_cm, make_arena
 from epuck_sim.embodied.loop import act, stop_and_release, tick
 from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.start import (
-    Part,
+    PLACEMENT,
     begin_placement,
     draw_places,
     draw_start,
@@ -65,7 +65,7 @@ def placed_as(scenario, seed):
 def placed_slowly(scenario, seed):
     """Return what `placed_as` does: with numpy's generator, and each robot compared with all before it."""
     arena, radii = scenario.arena.build(), [kind.radius_cm for kind in scenario.robot_kinds]
-    random = np.random.default_rng(spawned(seed, Part.PLACEMENT))
+    random = np.random.default_rng(spawned(seed, PLACEMENT))
     poses = {}
 
     def is_free_of_all(x, y, radius):

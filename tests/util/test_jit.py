@@ -23,14 +23,21 @@ from unittest.mock import Mock
 import pytest
 from numba import njit
 
-from epuck_sim.util import cache_folder, jit, machine
-from epuck_sim.util.cache_folder import ROOM_BYTES, UNUSED_S, cache_root, remove_unused
+from epuck_sim.util import cache_folder, jit
+from epuck_sim.util.cache_folder import (
+    ROOM_BYTES,
+    UNUSED_S,
+    USER,
+    cache_root,
+    is_open_to_others,
+    is_ours,
+    remove_unused,
+)
 from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
-from epuck_sim.util.machine import USER
 from epuck_sim.util.native import unlikely
 
 BOUND = {"run_group", "run_sensor", "shift_at"}  # which are compiled with users' files
-FREE = {PACKAGE / "util" / name for name in ("jit.py", "cache_folder.py", "machine.py")} | {PACKAGE / "arrays.py"}
+FREE = {PACKAGE / "util" / name for name in ("jit.py", "cache_folder.py")} | {PACKAGE / "arrays.py"}
 """`jit` itself, and where it keeps compiled code, are no values of a kernel."""
 
 
@@ -141,7 +148,7 @@ def test_a_cache_not_used_for_a_month_is_removed_but_nothing_that_may_be_another
         os.utime(path, (0, 0), follow_symlinks=False)
     remove_unused(root.iterdir(), is_cache)
     make_cache(root / "0123456789abcde3", OLD)
-    monkeypatch.setattr(machine, "USER", os.getuid() + 1)
+    monkeypatch.setattr(cache_folder, "USER", os.getuid() + 1)
     remove_unused(root.iterdir(), is_cache)
     assert len(list(root.iterdir())) == 3
     assert elsewhere.exists()
@@ -284,12 +291,20 @@ def test_a_folder_that_others_can_write_to_is_not_taken(temporary: Path, kind: s
         name.chmod(0o777 if kind == "open to all" else 0o700)
     if kind == "of another user":
         monkeypatch.setattr(cache_folder, "USER", USER + 1)
-        monkeypatch.setattr(machine, "USER", USER + 1)
         name.rename(temporary / f"epuck-sim-{USER + 1}")
     folder = cache_root()
     assert folder.parent == temporary
     assert folder not in (name, temporary / f"epuck-sim-{USER + 1}")
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_without_users_all_files_are_ours(tmp_path: Path, monkeypatch) -> None:
+    tmp_path.chmod(0o777)
+    assert is_open_to_others(tmp_path)
+    assert is_ours(tmp_path)
+    monkeypatch.setattr(cache_folder, "USER", None)
+    assert is_ours(Path("/"))
+    assert not is_open_to_others(tmp_path)
 
 
 def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tmp_path, monkeypatch) -> None:

@@ -12,7 +12,7 @@ from epuck_sim import Simulation, film_trial, load_scenario, points
 from epuck_sim.errors import FilmError, PortError, ScenarioError
 from epuck_sim.sweep.checks import check_memory
 from epuck_sim.util import machine
-from epuck_sim.util.machine import HOST, check_port, free_port, is_open_to_others, is_ours, signals
+from epuck_sim.util.machine import HOST, check_port, free_port, signals
 
 ELSEWHERE = """
 import platformdirs.unix, psutil  # which have files of their own for each system
@@ -52,15 +52,7 @@ def test_a_trial_a_sweep_and_a_summary_need_nothing_that_windows_lacks(tmp_path:
     assert "T_sync" in done.stdout
 
 
-def test_without_users_all_files_are_ours_and_a_signal_that_is_not_there_is_left_out(
-    tmp_path: Path, monkeypatch
-) -> None:
-    tmp_path.chmod(0o777)
-    assert is_open_to_others(tmp_path)
-    assert is_ours(tmp_path)
-    monkeypatch.setattr(machine, "USER", None)
-    assert is_ours(Path("/"))
-    assert not is_open_to_others(tmp_path)
+def test_a_signal_that_is_not_there_is_left_out() -> None:
     assert [each.name for each in signals("SIGINT", "SIGNOTHING", "SIGTERM")] == ["SIGINT", "SIGTERM"]
 
 

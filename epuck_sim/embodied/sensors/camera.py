@@ -108,10 +108,10 @@ def look(block: ByteArray, addresses: IntArray, number: int) -> None:
     rows = swarm.pixels[group.in_view : group.in_view + group.count * group.pixels]
     for pixel in range(len(rows)):
         rows[pixel] = 0
-    lit = find_lit(swarm.robots, swarm.numbers)
+    lit = find_lit(swarm)
     for place in range(group.count):
         if swarm.scene[0].hides_flashes:
-            lit = find_visible(block, addresses, group.first + place, len(swarm.robots), swarm.numbers)
+            lit = find_visible(block, addresses, swarm, group.first + place)
         if lit > 0:
             row = rows[place * group.pixels : (place + 1) * group.pixels]
             see(swarm, group, group.first + place, lit, row)
@@ -121,7 +121,7 @@ def look(block: ByteArray, addresses: IntArray, number: int) -> None:
 def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
     """Write to (pixels,) zeros the label of the robot that each pixel shows; robots have cells, see also `find_lit`."""
     camera = group.camera
-    eye = eye_of(swarm.robots[robot], robot, camera)
+    eye = eye_of(swarm, robot, camera)
     robots = len(swarm.robots)
     rays, labels = swarm.rays[group.ray : group.ray + group.pixels], swarm.numbers[robots : 2 * robots]
     picture = Picture(rays, labels, row, swarm.depths)
@@ -135,8 +135,9 @@ def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
 
 
 @jit_inline
-def eye_of(robot: Any, number: int, camera: Any) -> Eye:
+def eye_of(swarm: Swarm, number: int, camera: Any) -> Eye:
     """Return a robot's camera where it is."""
+    robot = swarm.robots[number]
     sin, cos = sin_cos(robot.heading)
     return Eye(number, robot.x + camera.forward_cm * cos, robot.y + camera.forward_cm * sin, cos, sin)
 
@@ -298,10 +299,10 @@ def add_reflections(block: ByteArray, addresses: IntArray, number: int) -> None:
     rays = swarm.rays[group.ray : group.ray + pixels]
     walls = WallsInView(scratch[robots : robots + pixels], swarm.depths[2 * pixels : 3 * pixels])
     image = Picture(rays, labels, scratch[robots + pixels : robots + 2 * pixels], swarm.depths[pixels : 2 * pixels])
-    lit = find_lit(swarm.robots, swarm.numbers)
+    lit = find_lit(swarm)
     for place in range(group.count):
         if swarm.scene[0].hides_flashes:
-            lit = find_visible(block, addresses, group.first + place, robots, swarm.numbers)
+            lit = find_visible(block, addresses, swarm, group.first + place)
         if lit > 0:
             first = group.in_view + place * pixels
             picture = Picture(rays, dark, swarm.pixels[first : first + pixels], swarm.depths[:pixels])
@@ -314,7 +315,7 @@ def _reflect(
 ) -> None:
     """Add what a robot sees in the walls to its picture; walls and image are scratch."""
     scene = swarm.scene[0]
-    eye = eye_of(swarm.robots[robot], robot, camera)
+    eye = eye_of(swarm, robot, camera)
     find_walls(eye, camera, scene, picture.rays, walls)
     for pixel in range(len(picture.depth)):
         picture.depth[pixel] = -math.inf

@@ -55,11 +55,11 @@ def perceive_flashes(block: ByteArray, addresses: IntArray, number: int) -> None
     """Write for each robot of a group whether it perceives a lit ring: 1 or 0 to its only pixel."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
-    lit = find_lit(swarm.robots, swarm.numbers)
+    lit = find_lit(swarm)
     for place in range(group.count):
         receiver = group.first + place
         if swarm.scene[0].hides_flashes:
-            lit = find_visible(block, addresses, receiver, len(swarm.robots), swarm.numbers)
+            lit = find_visible(block, addresses, swarm, receiver)
         swarm.pixels[group.row + place] = 1 if lit > 0 and _perceives_any(swarm, group.cone, receiver, lit) else 0
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import Sensor, Sensors, World
-from epuck_sim.embodied.start import Part
+from epuck_sim.embodied.start import SENSORS
 from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, swarm_at
 from epuck_sim.embodied.user_code import UserCode
 from epuck_sim.user_files import line_of_definition
@@ -125,7 +125,7 @@ class OwnSensor(UserCode):
     @property
     def keys(self) -> tuple[int, int]:
         """Keys by which the sequence of its random numbers is a child of the trial's."""
-        return int(Part.SENSORS), crc32(self.name.encode())
+        return SENSORS, crc32(self.name.encode())
 
     @property
     def streams_at(self) -> tuple[int, int]:
