@@ -6,13 +6,13 @@ and are not seen; what they would sense there is blanked, and their controllers 
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import ACTUATORS
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
+from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.cone import forget_signals
 from epuck_sim.embodied.sensors.infrared import read_nothing
@@ -30,9 +30,6 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.changes import RobotDisplacement
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.jit import jit_no_alloc
-
-if TYPE_CHECKING:  # it imports pymunk, which readers of recordings do without
-    from epuck_sim.embodied.bodies.world import World
 
 DEEPEST_CM = 2 * MARGIN_CM
 """How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""
@@ -65,7 +62,7 @@ def rest(block: ByteArray, _addresses: IntArray, _number: int) -> None:
             robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
 
 
-def take_out(robots: Sequence[int], swarm: Swarm, world: "World", controllers: Sequence[GroupControllers]) -> None:
+def take_out(robots: Sequence[int], swarm: Swarm, world: World, controllers: Sequence[GroupControllers]) -> None:
     """Take robots out of the arena: they forget all."""
     for number in robots:
         world.move(number, parked_poses(np.array([number]))[0])
@@ -81,7 +78,7 @@ def put_in(
     poses: Sequence[Sequence[float]] | None,
     scenario: EmbodiedScenario,
     block: ByteArray,
-    world: "World",
+    world: World,
     controllers: Sequence[GroupControllers],
     sequence: np.random.SeedSequence,
     origin: str,
