@@ -116,7 +116,25 @@ class Step(NamedTuple):
         return f"Step(number={self.number}, time_s={self.time_s:g}, robots={len(self.poses)})"
 
     def _repr_html_(self) -> str:
-        return _show(self)
+        head = element("p", element("b", f"Step {self.number}"), f", {self.time_s:.1f} s")
+        readings = self.readings
+        robots = range(min(len(self.poses), MOST_ROBOTS))
+        rows = (
+            [
+                str(robot),
+                *(f"{value:.1f}" for value in self.poses[robot, :2]),
+                f"{self.poses[robot, 2]:.2f}",
+                _nearest(self.distance_mm[robot]),
+                _draw_camera(self.camera[robot]),
+                ", ".join(f"{value:.1f}" for value in self.wheels_cm_s[robot]),
+                "lit" if self.ring_on[robot] else "dark",
+                *(_in_words(values[robot]) for values in readings.values()),
+            ]
+            for robot in robots
+        )
+        rest = len(self.poses) - len(robots)
+        more = [element("p", f"and {rest} robots more")] * bool(rest)
+        return to_html(head, table((*HEADINGS, *readings), rows), *more)
 
 
 class ShownArrays:
@@ -243,28 +261,6 @@ PIXEL_PX, ROW_PX = 2, 12
 """Width and height of a camera's pixel in a table, in pixels of the screen."""
 
 HEADINGS = ("robot", "x [cm]", "y [cm]", "heading [rad]", "nearest [mm]", "camera", "wheels [cm/s]", "ring")
-
-
-def _show(step: Step) -> str:
-    head = element("p", element("b", f"Step {step.number}"), f", {step.time_s:.1f} s")
-    readings = step.readings
-    robots = range(min(len(step.poses), MOST_ROBOTS))
-    rows = (
-        [
-            str(robot),
-            *(f"{value:.1f}" for value in step.poses[robot, :2]),
-            f"{step.poses[robot, 2]:.2f}",
-            _nearest(step.distance_mm[robot]),
-            _draw_camera(step.camera[robot]),
-            ", ".join(f"{value:.1f}" for value in step.wheels_cm_s[robot]),
-            "lit" if step.ring_on[robot] else "dark",
-            *(_in_words(values[robot]) for values in readings.values()),
-        ]
-        for robot in robots
-    )
-    rest = len(step.poses) - len(robots)
-    more = [element("p", f"and {rest} robots more")] * bool(rest)
-    return to_html(head, table((*HEADINGS, *readings), rows), *more)
 
 
 def _in_words(reading: FloatArray) -> str:
