@@ -426,21 +426,20 @@ class Commands:
             name: (actuators[name], self.robots[part]) for name, part in PARTS.items()
         }
 
-    def carry_out(self, **given: npt.ArrayLike | None) -> None:
-        """Have robots do what is given, unchecked, from the last control step on; see `Simulation.command`."""
-        for name, values in given.items():
-            if values is not None:
-                actuators, robots = self._targets[name]
-                actuators[robots] = values
-        act_again(*self.memory)
+    def carry_out(self, commands: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Have robots do what is commanded, by names in `PARTS`, from the last control step on.
 
-    def check(self, **given: npt.ArrayLike | None) -> None:
-        """Raise ValueError for commands that robots cannot be given, or for none; see `Simulation.command`."""
-        if all(values is None for values in given.values()):
+        Raises:
+            ValueError: Robots cannot be commanded so, or nothing is; then nothing is carried out.
+        """
+        if not commands:
             raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
-        for name, values in given.items():
-            if values is not None:
-                self._check(name, np.asarray(values))
+        for name, values in commands.items():
+            self._check(name, values)
+        for name, values in commands.items():
+            actuators, robots = self._targets[name]
+            actuators[robots] = values
+        act_again(*self.memory)
 
     def _check(self, name: str, values: npt.NDArray[Any]) -> None:
         part, robots = PARTS[name], self.robots[PARTS[name]]

@@ -92,7 +92,7 @@ class Simulation:
     is_firing: bool
     """Whether the reference, an oscillator, fires in the last step (thesis 4.2.1)."""
     commands: Commands
-    """Carries out commands from outside; `command` checks them first, and snapshots know of them."""
+    """Carries out commands from outside, unknown to snapshots, which know of those given by `command`."""
 
     def __init__(
         self,
@@ -377,9 +377,9 @@ class Simulation:
                 given; then nothing is commanded.
         """
         given = {"left_cm_s": left_cm_s, "right_cm_s": right_cm_s, "ring_on": ring_on}
-        self.commands.check(**given)
-        self.commands.carry_out(**given)
-        self._note("command", **{name: None if each is None else np.array(each) for name, each in given.items()})
+        commands = {name: np.array(values) for name, values in given.items() if values is not None}
+        self.commands.carry_out(commands)
+        self._note("command", **commands)
 
     def set_parameters(self, group: int = 0, /, **values: Value) -> None:
         """Change parameters of a group's controllers from the next step on; its robots keep what they remember.

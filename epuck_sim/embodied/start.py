@@ -98,11 +98,9 @@ GRID_HEADINGS = 8
 MAX_DRAWS = 10_000
 """Number of random positions tried for a robot before the arena counts as full."""
 
-OUTSIDE_CM = -1e6
-"""Coordinates of where robots are parked that are not in the arena, cm: out of the way of all that has a range."""
-
-APART_CM = 1e3
-"""Distance of parked robots along each axis, cm."""
+OUTSIDE_CM, APART_CM = -1e6, 1e3
+"""Coordinates of where the first robot is parked if it is not in the arena, cm: out of the way of all that has a range;
+and distance of parked robots along each axis, cm."""
 
 TOLERANCE_CM = 1e-6
 """How far bodies may overlap at given poses, cm: what rounding makes of poses that touch."""

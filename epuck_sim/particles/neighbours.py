@@ -48,11 +48,9 @@ UNLIMITED_CM = 1e30
 FULL_CIRCLE_COS = -2.0
 """Stands for the cosine of a cone that is a full circle; below any cosine."""
 
-SKIPPED_PULSES = 8
-"""Number of pulses for which caching is skipped after a cached neighbourhood expired within a cycle."""
-
-SKIPPED_PULSES_CONE = 32
-"""The same for a cone or range, whose validity takes longer to compute."""
+SKIPPED_PULSES, SKIPPED_PULSES_CONE = 8, 32
+"""Number of pulses for which caching is skipped after a cached neighbourhood expired within a cycle; and the same for a
+cone or range, whose validity takes longer to compute."""
 
 RADIUS_GROWTH = 1.5
 """Factor by which the search radius grows while fewer than k agents are found."""

@@ -11,20 +11,12 @@ import numpy as np
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import ACTUATORS
+from epuck_sim.embodied import start
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.cone import forget_signals
 from epuck_sim.embodied.sensors.infrared import read_nothing
-from epuck_sim.embodied.start import (
-    PLACED,
-    TOLERANCE_CM,
-    begin_placement,
-    clearance_cm,
-    is_free,
-    parked_poses,
-    place_at_random,
-)
 from epuck_sim.embodied.swarm import Swarm, group_of, open_block, swarm_at
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.changes import RobotDisplacement
@@ -65,7 +57,7 @@ def rest(block: ByteArray, _addresses: IntArray, _number: int) -> None:
 def take_out(robots: Sequence[int], swarm: Swarm, world: World, controllers: Sequence[GroupControllers]) -> None:
     """Take robots out of the arena: they forget all."""
     for number in robots:
-        world.move(number, parked_poses(np.array([number]))[0])
+        world.move(number, start.parked_poses(np.array([number]))[0])
         robot = swarm.robots[number]
         robot.present = robot.ring_command = robot.ring_on = robot.ring_before = False
         robot.actuators = np.zeros(1, ACTUATORS)[0]
@@ -95,15 +87,15 @@ def put_in(
         record = swarm.robots[robot]
         if record.present:
             continue
-        begin_placement(block)
+        start.begin_placement(block)
         if poses is None:
-            if place_at_random(block, robot, robot + 1) != PLACED:
+            if start.place_at_random(block, robot, robot + 1) != start.PLACED:
                 raise ScenarioError(f"{origin}: no free place was found for robot {robot}")
             world.move(robot, (record.x, record.y, record.heading))
         else:
             pose = poses[number]
             x, y, _ = pose
-            if not is_free(swarm, float(x), float(y), float(record.radius_cm) - TOLERANCE_CM):
+            if not start.is_free(swarm, float(x), float(y), float(record.radius_cm) - start.TOLERANCE_CM):
                 raise ScenarioError(
                     f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an "
                     "obstacle or a movable; give a free place, or no poses"
@@ -125,7 +117,7 @@ def check_bodies_outside(swarm: Swarm, origin: str) -> None:
     movables = swarm.circles[scene.first_movable : scene.circles]
     bodies += [(f"movable {number}", circle, circle.radius) for number, circle in enumerate(movables)]
     for name, place, radius_cm in bodies:
-        overlap_cm = radius_cm - clearance_cm(swarm, float(place.x), float(place.y), scene.first_movable)
+        overlap_cm = radius_cm - start.clearance_cm(swarm, float(place.x), float(place.y), scene.first_movable)
         if overlap_cm > DEEPEST_CM:
             raise ScenarioError(
                 f"{origin}: {name} at [{place.x:.4g}, {place.y:.4g}] would be {overlap_cm:.3g} cm into a wall or an "
