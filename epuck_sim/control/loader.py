@@ -71,8 +71,8 @@ def _load(place: Place) -> Controller:
     _check_parts(file, "a controller", CONTROLLER_PARTS)
     parts, external = file.parts, file.parts.get("EXTERNAL", ())
     if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
-        allowed = comma_list(list(EXTERNAL))
-        raise file.refusal("EXTERNAL", f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {allowed}")
+        said = f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {comma_list(EXTERNAL)}"
+        raise file.refusal("EXTERNAL", said)
     controller = Controller(
         **vars(_described(place, file)),
         memory=_record_type(file, "MEMORY"),

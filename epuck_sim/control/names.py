@@ -183,7 +183,7 @@ def _root(node: ast.AST) -> str:
 def unknown_name(role: str, name: str, names: Sequence[str]) -> str:
     """Return what to say of a name that sensors, memory, actuators or parameters do not have."""
     nearest = nearest_name(name, names)
-    there = f"did you mean {nearest!r}?" if nearest else f"known: {comma_list(list(names))}"
+    there = f"did you mean {nearest!r}?" if nearest else f"known: {comma_list(names)}"
     return f"{role} {'have' if role.endswith('s') else 'has'} no {name!r}; {there}"
 
 

@@ -178,11 +178,7 @@ class ParticleSimulation:
         return self.last_instant()
 
     def _advance(self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0) -> None:
-        """Simulate until a limit is reached; see `swarm.LIMITS`, of which `max_offset` is `offset` or more.
-
-        Raises:
-            CurveError: A user's response curve raises.
-        """
+        """Simulate until a limit is reached; see `swarm.LIMITS`, of which `max_offset` is `offset` or more."""
         scene = self._scene
         scene["limits"] = pulses, cycles, *end, max(offset, float(scene["max_offset"]))
         try:

@@ -2,11 +2,11 @@
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from numbers import Integral
 
 
-def did_you_mean(name: str, known: Mapping[str, object] | list[str]) -> str:
+def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the phrase for an unknown name, with the most similar known one if there is any.
 
     >>> did_you_mean("sped", ["speed", "count"])
@@ -42,7 +42,7 @@ def storable(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
-def comma_list(names: Mapping[str, object] | list[str]) -> str:
+def comma_list(names: Iterable[str]) -> str:
     """Return the names separated by commas; "none" if there are no names."""
     return ", ".join(names) or "none"
 

@@ -157,8 +157,8 @@ class ControllerFiles:
             return
         self._stamps[path] = _stamps(new)
         kept, started = replaced[0]
-        memory = f"memory: {comma_list(list(started))} started anew" if started else "memory is kept"
-        and_kept = f", {comma_list(list(kept))} kept" if kept and started else ""
+        memory = f"memory: {comma_list(started)} started anew" if started else "memory is kept"
+        and_kept = f", {comma_list(kept)} kept" if kept and started else ""
         at = f"{path.name}: robots go on with the new one from step {self._simulation.steps}"
         self._announce(f"{at}; {memory}{and_kept}")
 
