@@ -17,9 +17,8 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensor, Sensors, Wheels
 from epuck_sim.control.names import check_sensed
-from epuck_sim.embodied.sensors.own import completion, names_of_readings
 from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, swarm_at
-from epuck_sim.embodied.user_code import UserCode
+from epuck_sim.embodied.user_code import UserCode, completion, names_of_readings
 from epuck_sim.util.jit import jit_no_alloc
 from epuck_sim.util.native import address_of, array_at, call_c
 

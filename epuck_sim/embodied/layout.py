@@ -16,9 +16,8 @@ from epuck_sim.embodied.controllers import assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.sensors.cone import set_cone, set_radio, slots_of
 from epuck_sim.embodied.sensors.infrared import set_infrared
-from epuck_sim.embodied.sensors.own import assign_sense
-from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
+from epuck_sim.embodied.user_code import assign_sense, sensed_bytes_needed
 from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection, arena_after, arena_entries
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup, members

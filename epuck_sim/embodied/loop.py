@@ -22,8 +22,8 @@ from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contact
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.cone import perceive_flashes, receive_pulses
 from epuck_sim.embodied.sensors.infrared import sense_infrared
-from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, Swarm, copy_array, swarm_at
+from epuck_sim.embodied.user_code import OwnSensor
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.elementary import log, sin, sin_cos

@@ -29,11 +29,10 @@ from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, MOST_STEPS, Commands, ControlLoop, History, Stretch
 from epuck_sim.embodied.observers import Scene
 from epuck_sim.embodied.sensors.camera import begin_pictures
-from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.start import FAULTS, SCHEDULE, draw_places, draw_start, put_at_given_poses, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
-from epuck_sim.embodied.user_code import RobotError
+from epuck_sim.embodied.user_code import OwnSensor, RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.changes import TimedEntries, TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after

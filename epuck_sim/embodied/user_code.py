@@ -1,28 +1,36 @@
-"""Users' code that runs on robots, controllers and sensors: as plain Python, and what is said of its errors.
+"""Users' code that runs on robots, as plain Python or compiled, and what is said of its errors; sensors in files.
 
 Compiled code does not know the line at which it has raised. What has failed runs again as plain Python, which does.
+Controllers have a file of their own, `controllers`.
 """
 
 import sys
 from abc import ABC, abstractmethod
 from bdb import BdbQuit
-from collections.abc import Callable, Iterator, Mapping
+from collections import namedtuple
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
+from math import isnan
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 import numpy as np
+import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
-from epuck_sim.control.interface import Described, Sensor
+from epuck_sim.control.interface import Described, Sensor, Sensors, World
 from epuck_sim.control.loader import check_imported_copies
-from epuck_sim.embodied.swarm import Swarm, open_block
+from epuck_sim.embodied.start import SENSORS
+from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, open_block, swarm_at
 from epuck_sim.errors import ControllerError
-from epuck_sim.user_files import line_of_error
-from epuck_sim.util.jit import bind
+from epuck_sim.user_files import line_of_definition, line_of_error
+from epuck_sim.util.jit import bind, jit_inline
 from epuck_sim.util.messages import describe_error
-from epuck_sim.util.native import function_address
+from epuck_sim.util.native import array_at, function_address, record_type
+from epuck_sim.util.seeds import robot_streams
 
 AGAIN_S = 1.0
 """Time for which what has failed runs again, to find the line; compiled, it may have run through a long loop."""
@@ -138,3 +146,183 @@ def _time_limit(seconds: float) -> Iterator[None]:
         yield
     finally:
         sys.settrace(before)
+
+
+# --- sensors in files of their own (see `control.loader`) ----------------------------------------------
+
+STREAM = record_type([("words", "u8", 4)])
+"""A stream of random numbers."""
+
+STREAM_BYTES = STREAM.itemsize
+
+if TYPE_CHECKING:  # `bind` provides them
+    sense: Callable[..., None]
+    READINGS: np.dtype[Any]
+    PARAMETERS: np.dtype[Any]
+
+
+def run_sensor(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+    """Have the robots of a group that are in the arena read a sensor; others read 0."""
+    swarm = swarm_at(block)
+    scene, own = swarm.scene[0], swarm.senses[number]
+    at = scene.at[SENSED_BYTES]
+    parameters = array_at(block, at + own.parameters, at + own.readings, PARAMETERS)[0]  # noqa: F821
+    readings = array_at(block, at + own.readings, at + own.random, READINGS)  # noqa: F821
+    words = array_at(block, at + own.readings, at + own.random, FLOAT64)
+    streams = array_at(block, at + own.random, at + own.kept, STREAM)
+    world = World(
+        float(scene.step * scene.step_s),
+        float(scene.width_cm),
+        float(scene.height_cm),
+        float(swarm.robots[own.first].radius_cm),
+        swarm.robots,
+        swarm.circles[: scene.circles],
+        swarm.edges[: scene.edges],
+        swarm,
+    )
+    first_robot, count, floats = own.first, own.count, own.floats
+    size = len(words) // count
+    scene.sensing = number + 1
+    for member in range(count):
+        robot, first = swarm.robots[first_robot + member], member * size
+        if not robot.present:
+            for place in range(first, first + size):
+                words[place] = 0.0
+            continue
+        stream = streams[member]
+        scene.serving = first_robot + member
+        scene.kept_random = stream.words
+        sense(world, robot, readings[member], parameters, stream.words[:])  # noqa: F821
+        for place in range(first, first + floats):
+            if isnan(words[place]):
+                raise ValueError("a reading is not a number")
+    scene.serving, scene.sensing = -1, 0
+
+
+def sensed_bytes_needed(sensor: Sensor, robots: int) -> int:
+    """Return the number of bytes that a sensor of a group needs in `Swarm.sensed`."""
+    return sensor.parameter_type.itemsize + robots * (2 * sensor.readings.itemsize + STREAM_BYTES)
+
+
+def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int) -> None:
+    """Set the SENSE of a sensor whose robots are `count` from number `first` on, and whose bytes begin at `byte`."""
+    record.first, record.count, record.parameters = first, count, byte
+    record.readings = byte + sensor.parameter_type.itemsize
+    record.random = record.readings + count * sensor.readings.itemsize
+    record.kept = record.random + count * STREAM_BYTES
+    fields = [sensor.readings[name] for name in sensor.readings.names or ()]
+    record.floats = sum(int(np.prod(field.shape, dtype=int)) for field in fields if field.base.kind == "f")
+
+
+def readings_of(swarm: Swarm, record: Any, sensor: Sensor) -> npt.NDArray[np.void]:
+    """Return (robots,) what each robot reads of a sensor, by its SENSE record, in place."""
+    readings: npt.NDArray[np.void] = swarm.sensed[record.readings : record.random].view(sensor.readings)
+    return readings
+
+
+class OwnSensor(UserCode):
+    """A sensor in a file of its own, of one group of robots."""
+
+    sensor: Sensor
+    name: str
+    """Its name in the scenario."""
+
+    def __init__(
+        self, block: ByteArray, swarm: Swarm, number: int, name: str, sensor: Sensor, *, interpret: bool = False
+    ) -> None:
+        """Compile a sensor of a scenario, without calling it; number: its index in `Swarm.senses`, see `assign_sense`.
+
+        Raises:
+            ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
+        """
+        self._own = swarm.senses[number]
+        super().__init__(sensor, block, swarm, number, self._own)
+        self.sensor, self.name = sensor, name
+        types = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
+        self._make_run(run_sensor, {"sense": sensor.sense, **types}, interpret=interpret)
+
+    @property
+    def readings(self) -> npt.NDArray[np.void]:
+        """(robots,) what each robot reads, in place."""
+        return readings_of(self._swarm, self._own, self.sensor)
+
+    @property
+    def parameters(self) -> npt.NDArray[np.void]:
+        """(1,) the parameters, in place."""
+        first, kind = int(self._scene.at[SENSED_BYTES]), self.sensor.parameter_type
+        return self._block[first + self._own.parameters : first + self._own.readings].view(kind)
+
+    @property
+    def keys(self) -> tuple[int, int]:
+        """Keys by which the sequence of its random numbers is a child of the trial's."""
+        return SENSORS, crc32(self.name.encode())
+
+    @property
+    def streams_at(self) -> tuple[int, int]:
+        """Where its robots' streams begin and end in the block, in bytes."""
+        first = int(self._scene.at[SENSED_BYTES])
+        return first + int(self._own.random), first + int(self._own.kept)
+
+    def draw_streams(self, seed: int) -> None:
+        """Set the robots' streams for the trial with a seed: they depend on the sensor's name and the robot alone."""
+        sequence = np.random.SeedSequence(seed, spawn_key=self.keys)
+        streams = robot_streams(sequence, self.robots.stop)[self.robots]
+        self._swarm.sensed[self._own.random : self._own.kept] = streams.view(np.uint8).ravel()
+
+    def _is_at_work(self) -> bool:
+        return bool(self._scene.sensing == self._number + 1)
+
+    def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:  # noqa: ARG002
+        stream = swarm.senses[self._number].random + STREAM_BYTES * (robot - self.robots.start)
+        swarm.sensed[stream : stream + STREAM_BYTES] = swarm.scene[0].kept_random.view(np.uint8)
+
+    def _without_line(self, error: BaseException, robot: int) -> tuple[str, BaseException]:
+        reading = self.readings[robot - self.robots.start]
+        for name in self.sensor.readings.names or ():
+            if np.isnan(np.asarray(reading[name], float)).any():
+                error = ValueError(f"readings.{name} is not a number; allowed: numbers")
+                break
+        return f"{self.sensor.path}:{line_of_definition('sense', self.sensor.sources[self.sensor.path])}", error
+
+
+# --- what controllers read of them: further fields of `Sensors`, by the names of the readings --------------
+
+
+def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
+    """Return the names of all readings of sensors, in order."""
+    return tuple(name for sensor in sensors for name in sensor.readings.names or ())
+
+
+@lru_cache
+def completion(sensors: tuple[Sensor, ...]) -> Any:
+    """Return a kernel that adds to `Sensors` readings of a group's own sensors, from `first` on in `Swarm.senses`."""
+    if not sensors:
+        return _as_they_are
+    known: dict[str, Any] = {
+        "array_at": array_at,
+        "Complete": namedtuple("Sensors", (*Sensors._fields, *names_of_readings(sensors))),
+    }
+    lines, fields = [], [f"sensors.{name}" for name in Sensors._fields]
+    for number, sensor in enumerate(sensors):
+        known[f"TYPE_{number}"] = sensor.readings
+        place = f"swarm.senses[first + {number}]"
+        lines.append(
+            f"    own_{number} = array_at(block, at + {place}.readings, at + {place}.random, TYPE_{number})[member]"
+        )
+        for name in sensor.readings.names or ():
+            field = sensor.readings[name]
+            number_type = "float" if field.kind == "f" else "int"
+            fields.append(f"own_{number}.{name}[:]" if field.shape else f"{number_type}(own_{number}.{name})")
+    source = [
+        "def complete(sensors, block, swarm, first, member):",
+        f"    at = swarm.scene[0].at[{SENSED_BYTES}]",
+        *lines,
+        f"    return Complete({', '.join(fields)})",
+    ]
+    exec("\n".join(source), known)
+    return jit_inline(known["complete"])
+
+
+@jit_inline
+def _as_they_are(sensors: Any, block: ByteArray, swarm: Any, first: int, member: int) -> Any:  # noqa: ARG001
+    return sensors

@@ -15,9 +15,9 @@ from epuck_sim.embodied.bodies.shapes import WALL_CM
 from epuck_sim.embodied.cells import cells_needed
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.camera import set_camera
-from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
+from epuck_sim.embodied.user_code import OwnSensor
 from epuck_sim.page.own import own_controllers, own_sensors
 from epuck_sim.page.roots import shipped_root
 from epuck_sim.page.settings import Setting, fields_of, refuse, stops

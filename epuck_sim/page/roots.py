@@ -17,8 +17,8 @@ from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied import controllers, loop, start
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.sensors import camera, cone, infrared, own
-from epuck_sim.embodied.sensors.own import completion
+from epuck_sim.embodied.sensors import camera, cone, infrared
+from epuck_sim.embodied.user_code import completion, run_sensor
 from epuck_sim.page.kernels import FOLDER, Model
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
 from epuck_sim.scenario.particles import ResponseSection, find_curve
@@ -92,7 +92,7 @@ def sensor_root(sensor: Sensor) -> Root:
     """Return the function (block, addresses, sense) that has a group read a sensor, as `OwnSensor` has it."""
     names = _user_functions(sensor, sense=sensor.sense)
     types = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
-    return _careful(bind(own.run_sensor, **names, **types)), _OF_GROUP
+    return _careful(bind(run_sensor, **names, **types)), _OF_GROUP
 
 
 def curve_root(response: ResponseSection) -> Root:

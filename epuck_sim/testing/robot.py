@@ -13,10 +13,9 @@ from epuck_sim.control.interface import EPUCK_WHEELS, Wheels
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.control.names import unknown_name
 from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
-from epuck_sim.embodied.sensors.own import assign_sense, readings_of
-from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import make_block, open_block
+from epuck_sim.embodied.user_code import assign_sense, readings_of, sensed_bytes_needed
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import whole
