@@ -93,18 +93,9 @@ times the agents if neighbours are cached.
 
 _PLACES = {name: (dtype, 2 * WORD_BYTES * number) for number, (name, (dtype, _)) in enumerate(ARRAYS.items())}
 
-RESPONSE = record_type(
-    [
-        ("curve", "i8"),  # number of the response curve; see `phase_response`
-        ("coupling", "f8"),
-        ("refractory", "f8"),
-        ("dissipation", "f8"),
-        ("knee", "f8"),
-        ("early_slope", "f8"),
-        ("last_phase", "f8"),  # phase at which a user's curve was called last
-    ]
-)
-"""A response curve and its parameters; see `phase_response.Response`."""
+_RESPONSE = ("coupling", "refractory", "dissipation", "knee", "early_slope", "last_phase")
+RESPONSE = record_type([("curve", "i8"), *((name, "f8") for name in _RESPONSE)])
+"""A response curve and its parameters, see `phase_response.Response`; and where a user's curve was called last."""
 
 LIMITS = record_type(
     [
