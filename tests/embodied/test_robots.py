@@ -10,18 +10,9 @@ from hypothesis import strategies as st
 
 from epuck_sim import Simulation, load_scenario, points
 from epuck_sim.arena import clearance_cm, make_arena
+from epuck_sim.embodied import start
 from epuck_sim.embodied.loop import act, stop_and_release, tick
 from epuck_sim.embodied.observers import find_contacts, make_scene
-from epuck_sim.embodied.start import (
-    PLACEMENT,
-    begin_placement,
-    draw_places,
-    draw_start,
-    is_free,
-    put_at_given_poses,
-    spawned,
-    vary,
-)
 from epuck_sim.embodied.swarm import make_block, open_block, poses_of
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.scenario.robots import members
@@ -56,16 +47,16 @@ FLOOR = {"width_cm": 50, "height_cm": 50}
 def placed_as(scenario, seed):
     """Return (robots, 3) the poses at the start of the trial of a scenario with this seed."""
     scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
-    draw_start(scene.block, seed)
-    put_at_given_poses(scene.swarm, scenario)
-    draw_places(scene.block, scenario)
+    start.draw_start(scene.block, seed)
+    start.put_at_given_poses(scene.swarm, scenario)
+    start.draw_places(scene.block, scenario)
     return poses_of(scene.swarm.robots).copy()
 
 
 def placed_slowly(scenario, seed):
     """Return what `placed_as` does: with numpy's generator, and each robot compared with all before it."""
     arena, radii = scenario.arena.build(), [kind.radius_cm for kind in scenario.robot_kinds]
-    random = np.random.default_rng(spawned(seed, PLACEMENT))
+    random = np.random.default_rng(start.spawned(seed, start.PLACEMENT))
     poses = {}
 
     def is_free_of_all(x, y, radius):
@@ -118,10 +109,10 @@ def test_poses_are_taken_as_given_and_may_touch_as_a_robot_that_joins_may():
     np.testing.assert_array_equal(placed_as(scenario, 0), poses)
     scenario = load_scenario({"robots": [{"poses": [[10.0, 10.0, 0.0]]}]})
     scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
-    put_at_given_poses(scene.swarm, scenario)
-    begin_placement(scene.block)
-    assert is_free(scene.swarm, 17.4001, 10.0, 3.7)
-    assert not is_free(scene.swarm, 17.39, 10.0, 3.7)
+    start.put_at_given_poses(scene.swarm, scenario)
+    start.begin_placement(scene.block)
+    assert start.is_free(scene.swarm, 17.4001, 10.0, 3.7)
+    assert not start.is_free(scene.swarm, 17.39, 10.0, 3.7)
 
 
 def test_phases_may_be_given_all_else_is_as_the_controller_starts_and_another_one_gets_what_it_can_remember() -> None:
@@ -238,7 +229,7 @@ def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(speed, 
     block = block_of(robots)
     swarm = open_block(block)
     swarm.scene[0].spread = speed, imbalance, clock, gain
-    vary(block)
+    start.vary(block)
     for robot, stream in zip(swarm.robots, robot_streams(np.random.SeedSequence(4), robots), strict=True):
         drawn = np.array([2 * uniform(stream) - 1 for _ in range(12)])
         np.testing.assert_array_equal(robot.wheel_gain, (1 + speed * drawn[0]) * (1 + imbalance * drawn[1:3]))

@@ -24,15 +24,7 @@ import pytest
 from numba import njit
 
 from epuck_sim.util import cache_folder, jit
-from epuck_sim.util.cache_folder import (
-    ROOM_BYTES,
-    UNUSED_S,
-    USER,
-    cache_root,
-    is_open_to_others,
-    is_ours,
-    remove_unused,
-)
+from epuck_sim.util.cache_folder import ROOM_BYTES, UNUSED_S, USER, cache_root, remove_unused
 from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
 from epuck_sim.util.native import unlikely
 
@@ -300,11 +292,11 @@ def test_a_folder_that_others_can_write_to_is_not_taken(temporary: Path, kind: s
 
 def test_without_users_all_files_are_ours(tmp_path: Path, monkeypatch) -> None:
     tmp_path.chmod(0o777)
-    assert is_open_to_others(tmp_path)
-    assert is_ours(tmp_path)
+    assert cache_folder.is_open_to_others(tmp_path)
+    assert cache_folder.is_ours(tmp_path)
     monkeypatch.setattr(cache_folder, "USER", None)
-    assert is_ours(Path("/"))
-    assert not is_open_to_others(tmp_path)
+    assert cache_folder.is_ours(Path("/"))
+    assert not cache_folder.is_open_to_others(tmp_path)
 
 
 def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tmp_path, monkeypatch) -> None:
