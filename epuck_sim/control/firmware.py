@@ -15,10 +15,6 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
-
-import numpy as np
 
 from epuck_sim.control.interface import Controller
 from epuck_sim.errors import ControllerError
@@ -64,6 +60,14 @@ class Firmware(Controller):
     library: ctypes.CDLL
     """The library, loaded into this process."""
 
+    def check_values(self, values: Mapping[str, Value]) -> None:
+        """Raise ValueError for parameters that the library's `e_check` refuses, too."""
+        super().check_values(values)
+        record = self.parameter_record(values)
+        refusal = self.library.e_check(ctypes.c_void_p(record.ctypes.data))
+        if refusal is not None:
+            raise ValueError(refusal.decode(errors="replace") or "check: refuses the parameters")
+
 
 class _Field(ctypes.Structure):
     """A parameter, or a part of the memory: `e_field` of the header."""
@@ -100,8 +104,7 @@ def load_firmware(path: Path) -> Firmware:
         if any(offsets[name] != field.offset for name, field in named.items()):
             raise ControllerError(f"{path}: PARAMETERS or MEMORY: an array has no numbers; give it 1 or more")
     library.e_check.restype = ctypes.c_char_p
-    check = _check_of(library, parameters)
-    return Firmware(path.stem, str(path), path, defaults, check, sources, {}, memory, _in_c, _in_c, (), library)
+    return Firmware(path.stem, str(path), path, defaults, None, sources, {}, memory, _in_c, _in_c, (), library)
 
 
 def _in_c(*_: object) -> None: ...
@@ -124,18 +127,6 @@ def _default(name: str, field: _Field) -> Value:
         raise ValueError(f"{name} is an array; parameters are single numbers")
     default: Value = KINDS[field.kind](field.value)
     return typed(name, default, default)
-
-
-def _check_of(library: ctypes.CDLL, parameters: np.dtype[Any]) -> Callable[[SimpleNamespace], None]:
-    def check(values: SimpleNamespace) -> None:
-        record = np.zeros(1, parameters)
-        for name, value in vars(values).items():
-            record[name] = value
-        refusal = library.e_check(ctypes.c_void_p(record.ctypes.data))
-        if refusal is not None:
-            raise ValueError(refusal.decode(errors="replace"))
-
-    return check
 
 
 def _keep_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
