@@ -29,7 +29,7 @@ from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, MOST_STEPS, Commands, ControlLoop, History, Stretch
 from epuck_sim.embodied.observers import Scene
 from epuck_sim.embodied.sensors.camera import begin_pictures
-from epuck_sim.embodied.start import FAULTS, SCHEDULE, draw_places, draw_start, put_at_given_poses, spawned, vary
+from epuck_sim.embodied.start import SCHEDULE, draw_places, draw_start, put_at_given_poses, vary
 from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import OwnSensor, RobotError
@@ -199,7 +199,7 @@ class Simulation:
         if self._arena is not self._arenas[0]:
             self._show(self._arenas[0])
         if scenario.faults:
-            restart_faults(block, scenario, spawned(self.seed, FAULTS))
+            restart_faults(block, scenario, self.seed)
         for number, (group, section) in enumerate(zip(self._groups, scenario.robots, strict=True)):
             if section.signal.kind == "camera" and section.camera.frames_per_s is not None:
                 begin_pictures(block, number)

@@ -38,11 +38,6 @@ PLACEMENT, INFRARED_NOISE, WHEEL_NOISE, CONTROLLERS, VARIATION, SIGNALS, FAULTS,
 """What has random numbers of its own, independent of those of all others: spawn keys of the trial's seed."""
 
 
-def spawned(seed: int, part: int) -> np.random.SeedSequence:
-    """Return the seed sequence of one part of the trial with this seed."""
-    return np.random.SeedSequence(seed, spawn_key=(part,))
-
-
 def draw_start(block: ByteArray, seed: int) -> None:
     """Set the generators and streams of a swarm, as new, to where they are at the start of the trial with a seed."""
     draw_all(block, seed_words(seed), np.empty(2 * SEQUENCE_WORDS, np.uint64))

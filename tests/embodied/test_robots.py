@@ -56,7 +56,7 @@ def placed_as(scenario, seed):
 def placed_slowly(scenario, seed):
     """Return what `placed_as` does: with numpy's generator, and each robot compared with all before it."""
     arena, radii = scenario.arena.build(), [kind.radius_cm for kind in scenario.robot_kinds]
-    random = np.random.default_rng(start.spawned(seed, start.PLACEMENT))
+    random = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(start.PLACEMENT,)))
     poses = {}
 
     def is_free_of_all(x, y, radius):

@@ -12,7 +12,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario
-from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE, spawned
+from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE
 from epuck_sim.util.builtin import ARENAS, builtin_files
 from tests.control.bench import EMPTY, MODES, with_step, write_controller
 from tests.embodied.steps import CHANGING, bits, constant, kept, swarm_of
@@ -189,8 +189,8 @@ def test_a_robot_judges_a_flash_by_any_red_pixel_unless_its_controller_does():
 def test_noise_is_what_numpy_draws_with_the_seed_anew_for_each_sensor_wheel_robot_and_step():
     simulation = Simulation("thesis", 3)
     swarm = swarm_of(simulation)
-    parts = (INFRARED_NOISE, WHEEL_NOISE)
-    sensors, wheels = (np.random.Generator(np.random.SFC64(spawned(3, part))) for part in parts)
+    sequences = (np.random.SeedSequence(3, spawn_key=(part,)) for part in (INFRARED_NOISE, WHEEL_NOISE))
+    sensors, wheels = (np.random.Generator(np.random.SFC64(sequence)) for sequence in sequences)
     for _ in islice(simulation, 50):
         np.testing.assert_allclose(swarm.robots.infrared_noise, sensors.standard_normal((10, 8)), rtol=1e-15)
         np.testing.assert_array_equal(swarm.robots.wheel_noise, wheels.random((10, 2)))

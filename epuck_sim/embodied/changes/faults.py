@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.embodied import start
 from epuck_sim.embodied.sensors.infrared import read_nothing
 from epuck_sim.embodied.swarm import FLOAT64, INT64, SENSED_BYTES, Swarm, copy_array, open_block, swarm_at
 from epuck_sim.scenario.changes import FAULTS, FaultSection, SensorDead, TrialEvent
@@ -65,13 +66,13 @@ def _in_ms(time_s: float) -> float:
     return round(time_s * 1000, 6)
 
 
-def restart_faults(block: ByteArray, scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> None:
-    """Begin a trial: draw, by its seed sequence of faults, who may have each, and when random ones begin first."""
+def restart_faults(block: ByteArray, scenario: EmbodiedScenario, seed: int) -> None:
+    """Begin a trial: draw, by its seed, who may have each fault, and when random ones begin first."""
     swarm = open_block(block)
     robots = len(swarm.robots)
     affected = swarm.affected.reshape(len(scenario.faults), robots)
     for fault, section in enumerate(scenario.faults):
-        own, whom = np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, fault)).spawn(2)
+        own, whom = np.random.SeedSequence(seed, spawn_key=(start.FAULTS, fault)).spawn(2)
         affected.random[fault] = robot_streams(own, robots)
         affected.is_member[fault] = np.isin(np.arange(robots), _members(section, robots, whom))
     swarm.affected.is_active = False
