@@ -14,7 +14,7 @@ from contextlib import suppress
 from functools import cached_property, lru_cache
 from pathlib import Path
 from types import FunctionType
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from epuck_sim.util.cache_folder import cache_root, remove_unused
 
@@ -111,10 +111,9 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
         before = settings["CACHE_DIR"]
         settings["CACHE_DIR"] = str(open_cache(contents_digest))
         try:
-            division: Literal["python", "numpy"] = "python" if careful else "numpy"
             compiler: Any = njit  # its types lack some of its options
-            choices = {"cache": True, "error_model": division, "boundscheck": careful, "no_cfunc_wrapper": True}
-            compiled = compiler(**choices, **options)(function)
+            choices = {"cache": True, "nogil": True, "boundscheck": careful, "no_cfunc_wrapper": True}
+            compiled = compiler(error_model="python" if careful else "numpy", **choices, **options)(function)
             seal_cache(compiled)
             return cast(Function, compiled)
         finally:
@@ -131,7 +130,7 @@ class Kernel:
     @cached_property
     def for_python(self) -> Any:
         """The function as Python calls it."""
-        return compile_cached(self.function, digest_of_room(self.function), careful=False, nogil=True, **self._options)
+        return compile_cached(self.function, digest_of_room(self.function), careful=False, **self._options)
 
     @cached_property
     def part(self) -> Any:

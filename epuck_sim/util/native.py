@@ -272,7 +272,7 @@ def compile_call(function: Any, contents_digest: str, *takes: Any) -> Any:
 
     Errors are Python's.
     """
-    compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
+    compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True)
     compiled.compile(takes or (BLOCK, ADDRESSES, INTP))
     (result,) = compiled.overloads.values()
     module = result.library._get_module_for_linking()
