@@ -14,8 +14,9 @@ from epuck_sim.embodied.cells import cells_needed, set_cells
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, set_faults
 from epuck_sim.embodied.controllers import assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.camera import set_camera
-from epuck_sim.embodied.sensors.cone import set_cone, set_radio, slots_of
+from epuck_sim.embodied.sensors.flash_cone import set_cone
 from epuck_sim.embodied.sensors.infrared import set_infrared
+from epuck_sim.embodied.sensors.radio import set_radio, slots_of
 from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
 from epuck_sim.embodied.user_code import assign_sense, sensed_bytes_needed
 from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection, arena_after, arena_entries

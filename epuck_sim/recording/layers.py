@@ -18,9 +18,9 @@ from rerun.chunk import Chunk
 from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.arrays import FloatArray
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.embodied.start import parked
 from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import half_view_rad
+from epuck_sim.embodied.start import parked
 from epuck_sim.recording import Level
 from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from epuck_sim import Simulation
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.observers import write_sightings
-from epuck_sim.embodied.sensors.cone import perceive_flashes, set_cone
+from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, set_cone
 from epuck_sim.scenario.robots import ConeSection, EnkiCameraSignal
 from tests.control.bench import with_step, write_controller
 from tests.embodied import scenes
