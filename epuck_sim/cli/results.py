@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first
-from epuck_sim.cli.options import argument, looks_option, option
-from epuck_sim.statistics.names import Statistic
+from epuck_sim.cli.errors import prefix_scenario, reject_first
+from epuck_sim.cli.options import looks_option
+from epuck_sim.statistics import Statistic
 from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib

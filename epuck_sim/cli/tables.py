@@ -83,8 +83,8 @@ def _cells_of_trial(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
 
 
 def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
+    from epuck_sim.statistics import Statistic
     from epuck_sim.statistics.measured import Measured
-    from epuck_sim.statistics.names import Statistic
     from epuck_sim.statistics.statistic import estimate  # which takes scipy
 
     times = np.array([result.cycles for result in results], float)

@@ -16,6 +16,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
 from epuck_sim.scenario.axes import SPEED
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
+from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, folder_curves
 from epuck_sim.statistics.extrema import (
     FAST_FACTOR,
@@ -30,7 +31,6 @@ from epuck_sim.statistics.extrema import (
     search_extrema,
     smooth_logs,
 )
-from epuck_sim.statistics.names import Statistic
 from epuck_sim.util.messages import counted
 
 Quantity = tuple[FloatArray, FloatArray]  # values, (C,), of curves, and resamples, (B, C); NaN where unknown

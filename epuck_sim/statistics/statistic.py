@@ -18,8 +18,8 @@ from epuck_sim.display.table import Row, Share, Table, plain
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.statistics import Statistic, statistic_name
 from epuck_sim.statistics.measured import Measured, measure, quantity
-from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.survival import (
     SurvivalCurves,
     estimate_weibull_mean,

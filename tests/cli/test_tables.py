@@ -19,8 +19,8 @@ from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
 from epuck_sim.estimate import Estimate
 from epuck_sim.runs.reader import Failure, PointAtLimit, Status, TrialsByOrigin
 from epuck_sim.runs.records import SweepProgress
+from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
 from epuck_sim.util import jit, native
 from epuck_sim.util.provenance import PROVENANCE

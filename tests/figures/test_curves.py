@@ -21,9 +21,9 @@ from epuck_sim.figures.forms.violins import Violins, read_violins
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.figures.style import has_log_scale
 from epuck_sim.figures.sweep_figure import read_form
+from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import ExtremaSearch
-from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.series import PointSeries, series_statistics
 from epuck_sim.theory.predict import predict
 from tests.figures.drawn import in_csv, laid_out, legend_texts, written

@@ -14,11 +14,11 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import Estimate
 from epuck_sim.replication import criteria
 from epuck_sim.replication.criteria import largest_rise, level, likelier, mean_with_error, ratio, share, slope
+from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.comparison import contrast, pair_up
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import Place
 from epuck_sim.statistics.measured import restrict
-from epuck_sim.statistics.names import Statistic
 from tests.statistics.fits import LIMIT, lognormal, measured, times, truths
 
 SOME = st.lists(st.floats(1, 100), min_size=5, max_size=12, unique=True)

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 from epuck_sim import points, summarize
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguishing_axes
-from epuck_sim.statistics import extrema
+from epuck_sim.statistics import Statistic, extrema
 from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import find_minimum, find_minimum_and_peak, find_peak, search_extrema, smooth_logs
 from epuck_sim.statistics.fit import fit_measure
-from epuck_sim.statistics.names import Statistic
 from tests.runs import made_folders
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, WIDTH, censored, ended, in_memory, sweep, weibull
 

@@ -18,9 +18,9 @@ from epuck_sim.figures.labels import format_axis_values, short_files, statistic_
 from epuck_sim.figures.saving import Table, tabulate, tabulate_rows
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
+from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import MIN_SPEEDS, PLACES, ExtremaSearch, Place, search_extrema
-from epuck_sim.statistics.names import Statistic
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what is estimated, cycles."""

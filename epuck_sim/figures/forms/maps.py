@@ -21,8 +21,8 @@ from epuck_sim.figures.labels import statistic_label
 from epuck_sim.figures.saving import Table
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis
+from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
-from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import MOST_CENSORED
 
 COLOURS = colormaps["viridis"]

@@ -18,8 +18,8 @@ from epuck_sim.figures.labels import format_value, short_files, undetermined_lab
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, numeric_axes
+from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, read_curves
-from epuck_sim.statistics.names import Statistic
 
 HEIGHTS = 100  # number of values at which a density is evaluated
 CROSS_AT = 0.965  # height of crosses, as a share of the panel
