@@ -25,8 +25,7 @@ from epuck_sim.estimate import Estimate
 from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.figures.style import COLUMN_CM, choose_looks, style
 from epuck_sim.statistics.comparison import contrast, holm, log_rank, log_rank_parts, mean_contrast, pair_up
-from epuck_sim.statistics.measured import Measured, measure_t_sync
-from epuck_sim.statistics.statistic import mean_and_error
+from epuck_sim.statistics.statistic import Measured, mean_and_error, measure_t_sync
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.util.atomic_write import atomic_write
 

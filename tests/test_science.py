@@ -9,7 +9,7 @@ import pytest
 from docs import validation
 from docs.validation import LEVEL, PEERS, compare_point, compare_table, findings, main
 from epuck_sim import Simulation, load_scenario, run_trial
-from epuck_sim.statistics.measured import Measured, cut
+from epuck_sim.statistics.statistic import Measured, cut
 from epuck_sim.util.seeds import trial_seed
 
 

@@ -22,8 +22,7 @@ from epuck_sim import Simulation, TrialResult, load_scenario, run_trial
 from epuck_sim.estimate import Estimate
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.comparison import Samples, compare
-from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.statistic import estimate_mean
+from epuck_sim.statistics.statistic import Measured, estimate_mean
 from epuck_sim.util.seeds import trial_seed
 
 CONTROLLER = Path(__file__).with_name("responsive_firefly.py")

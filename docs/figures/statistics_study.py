@@ -20,9 +20,8 @@ from epuck_sim.replication.criteria import FITTED_TRIALS, FITTED_VALUES
 from epuck_sim.replication.criteria import LAWS as FITTED
 from epuck_sim.statistics.comparison import Pair, contrast, permute, studentised, welch
 from epuck_sim.statistics.extrema import find_minimum_and_peak
-from epuck_sim.statistics.measured import Measured, cut, measure_t_sync
 from epuck_sim.statistics.sequential import Precision, look_interval, look_sizes
-from epuck_sim.statistics.statistic import estimate_mean, resample_means
+from epuck_sim.statistics.statistic import Measured, cut, estimate_mean, measure_t_sync, resample_means
 from epuck_sim.statistics.survival import median_time, weibull_mean
 
 OUT = Path(__file__).parent

@@ -20,8 +20,7 @@ from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.statistics import statistic
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import Place, find_fast_speed, search_extrema
-from epuck_sim.statistics.measured import Measured, cut
-from epuck_sim.statistics.statistic import MeanError, estimate_share, mean_and_error, student_estimate
+from epuck_sim.statistics.statistic import MeanError, Measured, cut, estimate_share, mean_and_error, student_estimate
 from epuck_sim.statistics.survival import weibull_mean
 
 RESAMPLES = 200  # of a ratio of estimators

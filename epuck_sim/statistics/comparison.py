@@ -24,8 +24,19 @@ from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate, significant
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.measured import Measured, check_units, measure, measure_unit, quantity, restrict
-from epuck_sim.statistics.statistic import MeanError, estimate, mean_and_error, share_difference, student_estimate
+from epuck_sim.statistics.statistic import (
+    MeanError,
+    Measured,
+    check_units,
+    estimate,
+    mean_and_error,
+    measure,
+    measure_unit,
+    quantity,
+    restrict,
+    share_difference,
+    student_estimate,
+)
 from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_repr
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000

@@ -12,9 +12,8 @@ from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import choose_axis, group_rows
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics import Statistic, statistic_name
-from epuck_sim.statistics.measured import Measured, cut, measure
-from epuck_sim.statistics.statistic import check_statistic, estimate, resample
+from epuck_sim.statistics import Statistic
+from epuck_sim.statistics.statistic import Measured, check_statistic, cut, estimate, measure, resample, statistic_name
 
 
 class Curve(NamedTuple):

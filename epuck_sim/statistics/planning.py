@@ -9,8 +9,7 @@ from epuck_sim.display.table import Row, Table
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.measured import Measured, measure, quantity
-from epuck_sim.statistics.statistic import estimate, mean_and_error
+from epuck_sim.statistics.statistic import Measured, estimate, mean_and_error, measure, quantity
 
 POWER = 0.8  # probability with which a difference is to be seen, by default
 

@@ -18,8 +18,7 @@ from scipy.optimize import brentq
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
-from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.statistic import estimate_mean
+from epuck_sim.statistics.statistic import Measured, estimate_mean
 
 FIRST_LOOK = 20  # number of trials of a point at its first look: with fewer, the spread is known too badly to end
 GROWTH = 1.5  # number of trials at a look, relative to that at the look before

@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
-from epuck_sim.statistics.measured import Measured
+from epuck_sim.estimate import LEVEL
 
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
 _MANY_TRIALS = 10_000  # of more, in few kinds, numbers of each kind are drawn at once: as likely as trial by trial
@@ -132,18 +131,6 @@ MIN_UNCENSORED = 0.1  # smallest share of uncensored trials from which the mean 
 _FEW_EVENT_TIMES = 20  # up to this number resamples differ much: their fits need more starts, and are quick
 _TOLERANCE = 1e-8  # in log(-log R): a fit has converged when the next step would be smaller
 _MAX_STEPS = 100  # a fit takes about 5; one that takes more has not converged
-
-
-def estimate_weibull_mean(measured: Measured, resampled: FloatArray | None = None) -> Estimate:
-    """Return the mean by Appendix A with the percentile interval of resamples; none below `MIN_TRIALS` trials."""
-    mean = weibull_mean(measured.values, measured.observed)
-    if math.isnan(mean):
-        return UNDETERMINED
-    if not measured.supports_interval:
-        return Estimate(mean)
-    if resampled is None:
-        resampled = weibull_resamples(measured.values, measured.observed, seed=measured.seed)
-    return Estimate(mean, *confidence_interval(resampled))
 
 
 def weibull_mean(times: npt.ArrayLike, observed: npt.ArrayLike) -> float:

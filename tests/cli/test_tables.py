@@ -20,8 +20,7 @@ from epuck_sim.estimate import Estimate
 from epuck_sim.runs.reader import Failure, PointAtLimit, Status, TrialsByOrigin
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.statistic import estimate
+from epuck_sim.statistics.statistic import Measured, estimate
 from epuck_sim.util import jit, native
 from epuck_sim.util.provenance import PROVENANCE
 from tests.cli.commands import call, called

@@ -24,8 +24,7 @@ from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.survival import estimate_weibull_mean
+from epuck_sim.statistics.statistic import Measured, estimate_weibull_mean
 from tests.figures.drawn import in_csv, laid_out, legend_texts, written
 from tests.runs.made_folders import COUNT, PIXELS, SPEED, SPEEDS, WIDTH, censored, ended, in_memory, sweep, weibull
 

@@ -19,8 +19,7 @@ from epuck_sim.page import own
 from epuck_sim.page.kernels import ANEW, read_module
 from epuck_sim.page.roots import is_fresh, meanings
 from epuck_sim.page.writer import make_page, page_data, write_page
-from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.statistic import estimate_mean
+from epuck_sim.statistics.statistic import Measured, estimate_mean
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.seeds import trial_seed
 from tests.browsers import Driven

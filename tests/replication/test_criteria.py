@@ -18,7 +18,7 @@ from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.comparison import contrast, pair_up
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import Place
-from epuck_sim.statistics.measured import restrict
+from epuck_sim.statistics.statistic import restrict
 from tests.statistics.fits import LIMIT, lognormal, measured, times, truths
 
 SOME = st.lists(st.floats(1, 100), min_size=5, max_size=12, unique=True)

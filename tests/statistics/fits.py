@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.statistic import Measured
 from epuck_sim.statistics.survival import local_fits, make_curve, weibull_means
 
 LIMIT = 1000.0

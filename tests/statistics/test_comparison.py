@@ -13,9 +13,9 @@ from scipy import stats
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import comparison
-from epuck_sim.statistics import measured as measuring
+from epuck_sim.statistics import statistic as measuring
 from epuck_sim.statistics.comparison import compare, comparison_tables, contrast, match_points, match_values, pair_up
-from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.statistic import Measured
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
 from tests.statistics.fits import measured
 

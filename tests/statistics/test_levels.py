@@ -12,10 +12,9 @@ from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.replication.criteria import rank_trend, ratio, weighted_slope
 from epuck_sim.statistics import sequential
 from epuck_sim.statistics.comparison import contrast, mean_contrast, pair_up, permute, share_as_large, studentised
-from epuck_sim.statistics.measured import Measured, cut
 from epuck_sim.statistics.planning import plan_trials, trials_for_shares, trials_needed
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_level, look_sizes
-from epuck_sim.statistics.statistic import estimate_mean
+from epuck_sim.statistics.statistic import Measured, cut, estimate_mean
 from tests.runs.made_folders import SHAPE, SPEED, SPEEDS, ended, in_memory, sweep, weibull
 from tests.statistics.fits import lognormal, measured, times
 

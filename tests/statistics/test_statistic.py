@@ -14,13 +14,14 @@ from scipy import stats
 from epuck_sim import StoreError, points, read_points
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.measured import Measured, measure_t_sync
 from epuck_sim.statistics.series import series_statistics, summarize_series
 from epuck_sim.statistics.statistic import (
+    Measured,
     estimate,
     estimate_mean,
     estimate_median,
     estimate_share,
+    measure_t_sync,
     resample,
     resample_means,
     share_difference,

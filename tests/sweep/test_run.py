@@ -21,8 +21,8 @@ from epuck_sim.runs.records import FinishedTrials, SweepProgress
 from epuck_sim.runs.share import Share
 from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.measured import measure_t_sync, restrict
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_sizes
+from epuck_sim.statistics.statistic import measure_t_sync
 from epuck_sim.sweep import executors
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.looks import Looks

@@ -18,7 +18,7 @@ from epuck_sim.figures.style import finish, make_panels, style, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, distinguishing_axes
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.measured import measure, quantity
+from epuck_sim.statistics.statistic import measure, quantity
 
 MAX_DOTS = 1000  # largest number of trials at a point that an SVG holds as dots; more of them are a picture in it
 
