@@ -17,7 +17,7 @@ from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.planning import TrialPlan
 from epuck_sim.statistics.statistic import Measured, estimate_mean
-from epuck_sim.sweep.checks import time_trials
+from epuck_sim.sweep.run import time_trials
 from epuck_sim.util.messages import counted
 
 

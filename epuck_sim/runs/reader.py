@@ -8,7 +8,7 @@ import json
 import sqlite3
 import sys
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,7 +19,6 @@ from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.measure import Value
 from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
 from epuck_sim.runs.folder import DATABASE, current_holder, database_of
-from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.share import WHOLE, read_share
 from epuck_sim.runs.sources import DIGESTS, read_digests
 from epuck_sim.scenario.changes import TrialEvent
@@ -173,6 +172,30 @@ def measures_in(connection: sqlite3.Connection) -> list[str]:
     """Return the names of the measures of a folder's points, in their order."""
     rows = connection.execute("SELECT measures FROM points ORDER BY number")
     return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
+
+
+class FinishedTrials:
+    """The trials that need not be run any more, at a byte for each; iterated, numbers of points and trials."""
+
+    def __init__(self, trials: Iterable[tuple[int, Sequence[int] | IntArray]]) -> None:
+        """Take in points, each once, with the numbers of their trials."""
+        self._marks = {point: np.bincount(numbers) > 0 for point, numbers in trials}
+
+    def _of(self, point: int, wanted: range) -> BoolArray:
+        return self._marks.get(point, np.zeros(0, bool))[wanted.start : wanted.stop : wanted.step]
+
+    def count(self, point: int, wanted: range) -> int:
+        """Return how many of the wanted trials of a point are in the set."""
+        return int(np.count_nonzero(self._of(point, wanted)))
+
+    def missing(self, point: int, wanted: range) -> Iterator[int]:
+        """Yield the indices into `wanted` of those trials of a point that are not in the set."""
+        marks = self._of(point, wanted)
+        yield from map(int, np.flatnonzero(~marks))
+        yield from range(len(marks), len(wanted))
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        return ((point, int(trial)) for point, marks in self._marks.items() for trial in np.flatnonzero(marks))
 
 
 def read_finished(connection: sqlite3.Connection, measured: bool = False) -> FinishedTrials:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
@@ -33,8 +33,7 @@ from epuck_sim.runs.database import (
     writing,
 )
 from epuck_sim.runs.folder import DATABASE, acquire, is_at
-from epuck_sim.runs.reader import measures_in, read_ends, read_finished
-from epuck_sim.runs.records import FinishedTrials, Outcome
+from epuck_sim.runs.reader import FinishedTrials, measures_in, read_ends, read_finished
 from epuck_sim.runs.share import WHOLE, Share, read_share
 from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.loader import Point
@@ -47,6 +46,17 @@ from epuck_sim.util.provenance import PROVENANCE
 _OF_TRIAL = "WHERE point = ? AND trial = ?"
 
 _of_result, _of_provenance = attrgetter(*RESULT), itemgetter(*PROVENANCE)
+
+
+class Outcome(NamedTuple):
+    """A trial that has ended, with a result or with an error."""
+
+    point: int
+    trial: int
+    seed: int
+    result: TrialResult | None  # its result; None if it failed
+    error: str | None  # message of the error with which it failed; None if it has a result
+    provenance: dict[str, str]  # versions, and the host that ran it
 
 
 class Store:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.compatibility import own_files
-from epuck_sim.runs.records import Task
 from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.worker import Task
 from epuck_sim.util.provenance import format_versions, host, versions
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from queue import Empty, SimpleQueue
 from typing import TypeVar
 
 from epuck_sim.errors import ClusterError
-from epuck_sim.runs.records import Outcome, Task
+from epuck_sim.runs.store import Outcome
 from epuck_sim.sweep.executors import OpenPool, Pool
-from epuck_sim.sweep.worker import compile_ahead, make_outcome, out_of_time, run_chunk
+from epuck_sim.sweep.worker import Task, compile_ahead, make_outcome, out_of_time, run_chunk
 
 Result = TypeVar("Result")
 

@@ -9,21 +9,24 @@ that simulates, so that a machine which sleeps or is busy ends nothing; that of 
 
 import math
 import os
+import pickle
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.compatibility import own_files
-from epuck_sim.runs.records import Outcome, Task
+from epuck_sim.runs.store import Outcome
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import Simulated, run_trial, simulate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.messages import describe_error, storable
 from epuck_sim.util.provenance import host, versions
+from epuck_sim.util.seeds import point_seed
 
 LIMIT_VARIABLE = "EPUCK_SIM_STEP_LIMIT_S"  # environment variable that replaces `STEP_LIMIT_S`
 
@@ -51,6 +54,49 @@ KEPT, KEPT_BYTES = 200, 2**28
 Key = tuple[object, ...]  # all on which a simulation depends but the seed
 
 _kept: dict[Key, Simulated] = {}  # simulations whose trials have ended, the last used one last
+
+
+class Task(NamedTuple):
+    """A trial to be run."""
+
+    point: int  # number of the point in the sweep
+    trial: int
+    key: str  # the point's axis values as text
+    scenario: Scenario
+    interpret: bool  # whether controllers run as plain Python
+
+    @property
+    def seed(self) -> int:
+        """Seed of the trial, which its worker derives."""
+        return point_seed(self.scenario.seed, self.key, self.trial)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the scenario, which takes longer than all else that is done for a task, once a point."""
+        return _unpacked_task, (*self[:3], _packed(self.scenario), self.interpret)
+
+
+MOST_PACKED = 1000  # most scenarios of which the bytes are kept
+
+_pickled: dict[int, tuple[Scenario, bytes]] = {}
+"""Scenarios by their `id`, which is theirs as long as they are kept, and their bytes."""
+
+
+def _packed(scenario: Scenario) -> bytes:
+    if id(scenario) not in _pickled:
+        if len(_pickled) >= MOST_PACKED:
+            _pickled.clear()
+        _pickled[id(scenario)] = scenario, pickle.dumps(scenario)
+    return _pickled[id(scenario)][1]
+
+
+@lru_cache(MOST_PACKED)
+def _unpacked(packed: bytes) -> Scenario:
+    scenario: Scenario = pickle.loads(packed)
+    return scenario
+
+
+def _unpacked_task(point: int, trial: int, key: str, packed: bytes, interpret: bool) -> Task:
+    return Task(point, trial, key, _unpacked(packed), interpret)
 
 
 class TrialTimeoutError(EpuckSimError):

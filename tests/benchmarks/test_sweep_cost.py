@@ -10,8 +10,7 @@ import time
 from functools import partial
 
 from epuck_sim import load_scenario, points
-from epuck_sim.runs.reader import read_status
-from epuck_sim.runs.records import FinishedTrials
+from epuck_sim.runs.reader import FinishedTrials, read_status
 from epuck_sim.sweep.run import missing_tasks
 from epuck_sim.sweep.worker import run_chunk
 from tests.benchmarks.measuring import cpu_s, status

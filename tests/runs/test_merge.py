@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.export import export
-from epuck_sim.runs.reader import read_status, verify
-from epuck_sim.runs.records import FinishedTrials
+from epuck_sim.runs.reader import FinishedTrials, read_status, verify
 from epuck_sim.runs.share import Share, merge_folders
 from epuck_sim.runs.sources import is_trusted
 from epuck_sim.runs.store import Store

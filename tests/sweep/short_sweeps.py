@@ -8,7 +8,7 @@ from typing import Any
 
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.runs.records import SweepProgress
+from epuck_sim.sweep.run import SweepProgress
 from tests.processes import COMMAND, start
 
 

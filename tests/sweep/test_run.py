@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.reader import read_points, read_status
-from epuck_sim.runs.records import FinishedTrials, SweepProgress
+from epuck_sim.runs.reader import FinishedTrials, read_points, read_status
 from epuck_sim.runs.share import Share
 from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
@@ -26,7 +25,7 @@ from epuck_sim.statistics.statistic import measure_t_sync
 from epuck_sim.sweep import executors
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.looks import Looks
-from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
+from epuck_sim.sweep.run import SweepProgress, first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
 from tests.cli.commands import call
 from tests.processes import processes_marked, start, wait_until

@@ -24,16 +24,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ClusterError
-from epuck_sim.runs import records
-from epuck_sim.runs.records import Outcome, Task
+from epuck_sim.runs.store import Outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep import cluster
+from epuck_sim.sweep import cluster, worker
 from epuck_sim.sweep.cluster import DaskCluster, SameVersionsExecutor, SchedulerGoneError
 from epuck_sim.sweep.executors import ONE_THREAD, Pool, local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.scheduler import CHUNK_S, ChunkSizer, TaskQueue, schedule
-from epuck_sim.sweep.worker import make_outcome, run_chunk
+from epuck_sim.sweep.worker import Task, make_outcome, run_chunk
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call
 from tests.control.bench import EMPTY
@@ -58,7 +57,7 @@ def outcomes_of_length(wall_s: float, count: int) -> list[Outcome]:
 
 
 def test_tasks_are_the_same_on_the_other_side_and_their_scenario_is_pickled_once(monkeypatch) -> None:
-    monkeypatch.setattr(records, "MOST_PACKED", 2)
+    monkeypatch.setattr(worker, "MOST_PACKED", 2)
     pickled = []
     monkeypatch.setattr(Scenario, "__reduce_ex__", lambda self, version: (
         pickled.append(self.name), object.__reduce_ex__(self, version))[1])  # fmt: skip

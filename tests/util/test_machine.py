@@ -10,7 +10,7 @@ import pytest
 
 from epuck_sim import Simulation, film_trial, load_scenario, points
 from epuck_sim.errors import FilmError, PortError, ScenarioError
-from epuck_sim.sweep.checks import check_memory
+from epuck_sim.sweep.run import check_memory
 from epuck_sim.util import machine
 from epuck_sim.util.machine import HOST, check_port, free_port, signals
 
@@ -104,7 +104,7 @@ def test_what_needs_more_memory_than_there_is_is_refused_with_both_numbers(tmp_p
 
 def test_a_sweep_is_refused_whose_workers_need_more_together(monkeypatch) -> None:
     found = points(load_scenario(LARGE, axes=["robots.0.camera.pixels=1,400"]))
-    for module in ("epuck_sim.util.machine", "epuck_sim.sweep.checks"):
+    for module in ("epuck_sim.util.machine", "epuck_sim.sweep.run"):
         monkeypatch.setattr(f"{module}.available_bytes", lambda: 500_000_000)
     check_memory(found, 3)
     with pytest.raises(ScenarioError, match=r"4 workers needs about 640 MB of memory, and 500 MB .* give --workers 3"):
