@@ -11,6 +11,7 @@ from .errors import (
     ScenarioError,
     StoreError,
 )
+from .figures.report import write_report
 from .overhead.filming import film_trial
 from .overhead.render import ArenaView
 from .page.writer import write_page
@@ -18,7 +19,6 @@ from .particles.simulation import Event, ParticleSimulation
 from .recording.notebook import show
 from .recording.reader import read_recording
 from .recording.recorder import record
-from .report.page import write_report
 from .runs.reader import read_points
 from .scenario.embodied import EmbodiedScenario
 from .scenario.loader import Point, load_scenario, points

@@ -261,7 +261,7 @@ def report(
     to: Annotated[Path | None, option("PAGE.html", "The page; by default FOLDER.html, beside the folder.")] = None,
 ) -> None:
     """Write a page about a sweep, complete in itself: what was run, tables, figures, failed trials, commands."""
-    from epuck_sim.report.page import write_report
+    from epuck_sim.figures.report import write_report
 
     page = to or folder.resolve().with_name(f"{folder.resolve().name}.html")
     write_report(folder, page)

@@ -1,4 +1,4 @@
-"""The figures, and the table beside each.
+"""The figures, the table beside each, and the page about a run folder that shows them.
 
 May import: statistics, runs, recording, overhead, but for render and filming, and what they may import.
 

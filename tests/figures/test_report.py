@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 from epuck_sim import load_scenario, read_points, run_sweep, summarize
+from epuck_sim.figures import report as page_module
+from epuck_sim.figures.report import MOST_FAILURES, make_page, write_report
 from epuck_sim.figures.style import COLOURS
-from epuck_sim.report import page as page_module
-from epuck_sim.report.page import MOST_FAILURES, make_page, write_report
 from epuck_sim.runs.reader import Failure
 from epuck_sim.util.provenance import host
 from tests.browsers import Driven
