@@ -4,6 +4,7 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -150,7 +151,9 @@ def _differences(before: Mapping[str, Any], after: Mapping[str, Any], other: str
 
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
-    scenario = _with_defaults(json.loads(point.scenario))
+    scenario = json.loads(point.scenario)
+    with suppress(ScenarioError):  # it no longer validates, and is compared as it was stored
+        scenario = validate(scenario, "stored").model_dump(mode="json")  # with defaults of keys that were added since
     named = iter(json.loads(point.controllers))
     for group in scenario.get("robots", ()):
         group["controller"] = next(named)
@@ -165,14 +168,6 @@ def _with_effect(point: StoredPoint) -> dict[str, Any]:
             if isinstance(section, dict) and isinstance(section.get(key), str):
                 section[key] = Path(section[key]).name  # files may move
     return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
-
-
-def _with_defaults(scenario: dict[str, Any]) -> dict[str, Any]:
-    """Fill in defaults for keys added since the scenario was stored; return it unchanged if it no longer validates."""
-    try:
-        return validate(scenario, "stored").model_dump(mode="json")
-    except ScenarioError:
-        return scenario
 
 
 def _flat(key: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -8,8 +8,8 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.measures.measure import Value
-from epuck_sim.runs.database import as_column, reading
+from epuck_sim.measures.interface import Value
+from epuck_sim.runs.database import RESULT, as_column, reading
 from epuck_sim.runs.reader import measures_in
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
@@ -19,13 +19,8 @@ WRITERS = {".parquet": parquet.write_table, ".csv": csv.write_csv}
 
 COLUMNS = {
     "seed": pa.int64(),
-    "t_sync_cycles": pa.int64(),
+    **{name: pa.from_numpy_dtype(kind) for name, kind in RESULT.items()},
     "censored": pa.bool_(),
-    "order_parameter": pa.float64(),
-    "simulated_s": pa.float64(),
-    "wall_s": pa.float64(),
-    "steps": pa.int64(),
-    "cycles": pa.int64(),
     "point": pa.int64(),
     "trial": pa.int64(),
     **dict.fromkeys(PROVENANCE, pa.string()),

@@ -31,7 +31,6 @@ DIGESTS = "SHA256SUMS"
 NO_FILES = ("name", "description", "figure")
 """Keys of a scenario that name no files, whatever they say."""
 
-
 CODE = (".py", ".c", ".h", ".so")
 """Endings of files that are run, or compiled and run."""
 
