@@ -255,7 +255,7 @@ def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
         )
     by_key = [{point.key: point for point in points if len(point.times)} for points in folders]
     every = {point.key: point.axes for points in by_key for point in points.values()}
-    return _check(Samples([*names], [(axes, [each.get(key) for each in by_key]) for key, axes in every.items()]))
+    return Samples([*names], [(axes, [each.get(key) for each in by_key]) for key, axes in every.items()])
 
 
 def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequence[Sequence[int]]) -> Samples:
@@ -282,7 +282,7 @@ def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequen
         )
         for numbers, points in zip(chosen, chosen_points, strict=True)
     ]
-    return _check(Samples([*names], matches))
+    return Samples([*names], matches)
 
 
 def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
@@ -307,17 +307,17 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
         group = [points[place] for place in places if len(points[place].times)]
         found = {canonical_text({key: point.axes[key]}): point for point in group}
         matches.append((axes, [found.get(text) for text in texts]))
-    return _check(Samples([f"{key} = {value}" for value in values], matches))
-
-
-def _check(samples: Samples) -> Samples:
-    if not any(sum(point is not None for point in points) > 1 for _, points in samples.matches):
-        raise EpuckSimError("there are no two points to compare that both have trials")
-    return samples
+    return Samples([f"{key} = {value}" for value in values], matches)
 
 
 def compare(samples: Samples, *, with_first: bool = False) -> list[Comparison]:
-    """Compare each two samples, or each with the first, with p-values corrected for the number of points and pairs."""
+    """Compare each two samples, or each with the first, with p-values corrected for the number of points and pairs.
+
+    Raises:
+        EpuckSimError: No point has trials of two samples.
+    """
+    if not any(sum(point is not None for point in points) > 1 for _, points in samples.matches):
+        raise EpuckSimError("there are no two points to compare that both have trials")
     pairs = [(a, b) for a, b in combinations(range(len(samples.names)), 2) if a == 0 or not with_first]
     compared = [each for a, b in pairs if (each := _compare(samples, a, b))]
     at_points = iter(holm([point.p_value for each in compared for point in each.points]))

@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
-from epuck_sim.statistics.statistic import Measured, estimate_mean
+from epuck_sim.statistics.statistic import Measured, difference, estimate_mean
 
 FIRST_LOOK = 20  # number of trials of a point at its first look: with fewer, the spread is known too badly to end
 GROWTH = 1.5  # number of trials at a look, relative to that at the look before
@@ -124,16 +124,12 @@ def probability_within(boundary: float, sizes: tuple[float, ...]) -> float:
 def look_contrast(first: Estimate, other: Estimate, *, is_relative: bool) -> Estimate:
     """Return the ratio of the other mean to the first, or their difference, from intervals at looks of as many trials.
 
-    Half-widths of the two are added in squares on either side, in logarithms for the ratio (Zou and Donner 2008), which
-    keeps the level of the intervals.
+    The level is that of their intervals; that of the ratio is of logarithms.
     """
-    (a, a_low, a_high), (b, b_low, b_high) = (
-        [math.log(end) if end > 0 else -math.inf for end in each.ends] if is_relative else each.ends
-        for each in (first, other)
-    )
-    value = b - a
-    found = Estimate(value, value - math.hypot(b - b_low, a_high - a), value + math.hypot(b_high - b, a - a_low))
-    return found.apply(math.exp) if is_relative else found
+    if not is_relative:
+        return difference(first.ends, other.ends)
+    logs = ([math.log(end) if end > 0 else -math.inf for end in each.ends] for each in (first, other))
+    return difference(*logs).apply(math.exp)
 
 
 def look_interval(measured: Measured, limit: int) -> Estimate:

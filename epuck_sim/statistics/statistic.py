@@ -329,14 +329,18 @@ def wilson_interval(share: float, trials: int) -> tuple[float, float]:
 
 
 def share_difference(first: Measured, second: Measured) -> Estimate:
-    """Return the second share minus the first, with an interval if both have one."""
-    one, other = estimate_share(first), estimate_share(second)
-    difference = other.value - one.value
-    if not (one.has_interval and other.has_interval):
-        return Estimate(difference)
-    low = math.hypot(other.value - other.low, one.high - one.value)
-    high = math.hypot(other.high - other.value, one.value - one.low)
-    return Estimate(difference, difference - low, difference + high)
+    """Return the second share minus the first, with Newcombe's interval if both have one."""
+    return difference(estimate_share(first).ends, estimate_share(second).ends)
+
+
+def difference(first: Sequence[float], second: Sequence[float]) -> Estimate:
+    """Return the second of two values minus the first, each of which is given with the ends of its interval.
+
+    The parts of the intervals on either side of the values are added in squares (Zou and Donner 2008).
+    """
+    (a, a_low, a_high), (b, b_low, b_high) = first, second
+    value = b - a
+    return Estimate(value, value - math.hypot(b - b_low, a_high - a), value + math.hypot(b_high - b, a - a_low))
 
 
 SUMMARIES = ("mean", "median", "restricted_mean", "weibull_mean")
