@@ -84,10 +84,7 @@ def _cells_of_trial(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
 
 def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
     from epuck_sim.statistics import Statistic
-    from epuck_sim.statistics.statistic import (
-        Measured,
-        estimate,  # which takes scipy
-    )
+    from epuck_sim.statistics.statistic import Measured, estimate  # which takes scipy
 
     times = np.array([result.cycles for result in results], float)
     is_observed = np.array([not result.censored for result in results])

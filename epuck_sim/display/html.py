@@ -91,7 +91,6 @@ figure > svg { display: block; width: 100%; max-width: 40rem; height: auto; back
 """
 """Style of the page."""
 
-
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a page may load, and run: nothing, whatever names and messages of others stand in it."""
 

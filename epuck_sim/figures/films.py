@@ -13,8 +13,8 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.display.table import csv_cell
-from epuck_sim.figures.saving import Table, parse_target, save_figure
+from epuck_sim.display.table import csv_cell, csv_text
+from epuck_sim.figures.saving import parse_target, save_figure
 from epuck_sim.figures.style import add_shared_legend, make_logarithmic
 from epuck_sim.overhead.compare import ROUNDING, QuantityComparison
 from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
@@ -40,7 +40,7 @@ def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None)
         [*map(csv_cell, (each.time_s, track.periods_at(each.time_s), each.rings, 1000 * each.spread_s))]
         for each in track.evaluations
     )
-    return save_figure(parse_target(png), lambda: draw_track(track, snapshot), {".csv": Table(COLUMNS, rows)})
+    return save_figure(parse_target(png), lambda: draw_track(track, snapshot), {".csv": csv_text(COLUMNS, rows)})
 
 
 def draw_track(track: Track, snapshot: Snapshot | None = None) -> Figure:
@@ -166,11 +166,11 @@ def _is_first_synchrony(track: Track, evaluation: Evaluation) -> bool:
 
 def save_comparison_figure(path: Path, rows: Sequence[QuantityComparison]) -> list[Path]:
     """Draw a film beside trials, and write a table of all values; raise EpuckSimError if a file cannot be written."""
-    return save_figure(parse_target(path), lambda: draw_comparison(rows), {".csv": comparison_table(rows)})
+    return save_figure(parse_target(path), lambda: draw_comparison(rows), {".csv": _comparison_csv(rows)})
 
 
-def comparison_table(rows: Sequence[QuantityComparison]) -> Table:
-    """Return a table with a row for each quantity and trial, and one, whose trial is `film`, for the film.
+def _comparison_csv(rows: Sequence[QuantityComparison]) -> str:
+    """Return CSV with a row for each quantity and trial, and one, whose trial is `film`, for the film.
 
     The column `status` says why there is no value: it is `beyond` the film's end, or `unknown`.
     """
@@ -179,7 +179,7 @@ def comparison_table(rows: Sequence[QuantityComparison]) -> Table:
         for trial, value in [("film", row.film), *enumerate(row.trials.tolist())]:
             status = "unknown" if math.isnan(value) else "beyond" if math.isinf(value) else "known"
             cells.append([row.name, row.unit, trial, csv_cell(value), status])
-    return Table(("quantity", "unit", "trial", "value", "status"), cells)
+    return csv_text(("quantity", "unit", "trial", "value", "status"), cells)
 
 
 def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:

@@ -31,15 +31,7 @@ SVG = "{http://www.w3.org/2000/svg}"  # namespace of the elements of SVG, which 
 FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
 """Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
 
-
-class Table(NamedTuple):
-    """What a CSV file holds."""
-
-    columns: Sequence[str]
-    rows: Iterable[Sequence[Any]]
-
-
-NO_TABLES: Mapping[str, Table] = MappingProxyType({})
+NO_TABLES: Mapping[str, str] = MappingProxyType({})
 
 
 class Target(NamedTuple):
@@ -66,23 +58,23 @@ def parse_target(path: Path) -> Target:
 
 
 def save_figure(
-    target: Target, draw: Callable[[], Figure], tables: Mapping[str, Table] = NO_TABLES, caption: str = ""
+    target: Target, draw: Callable[[], Figure], tables: Mapping[str, str] = NO_TABLES, caption: str = ""
 ) -> list[Path]:
     """Write the pictures of a figure, and its tables and caption beside them, and return the files, pictures first.
 
-    `draw` is called once all files are known to be writable; equal results give equal files. EpuckSimError is raised
-    if one of them cannot be written; then none is, and older ones stay.
+    Tables are CSV, by the endings of their files. `draw` is called once all files are known to be writable; equal
+    results give equal files. EpuckSimError is raised if one of them cannot be written; then none is, and older ones
+    stay.
     """
-    endings = [*target.formats, *tables, *[CAPTION] * bool(caption)]
+    texts = {**tables, **({CAPTION: f"{caption}\n"} if caption else {})}
+    endings = [*target.formats, *texts]
     files = check_files(target.stem, endings)
     figure = draw()
     with ExitStack() as whole:  # files get their names once all of them are written
         for file, ending in zip(files, endings, strict=True):
             part = whole.enter_context(atomic_write(file))
-            if ending in tables:
-                part.write_text(csv_text(*tables[ending]), encoding="utf-8")
-            elif ending == CAPTION:
-                part.write_text(f"{caption}\n", encoding="utf-8")
+            if ending in texts:
+                part.write_text(texts[ending], encoding="utf-8")
             else:
                 key, date = METADATA[ending.lower()]
                 metadata = {**({date: None} if date else {}), **({key: caption} if caption else {})}
@@ -126,18 +118,18 @@ def _render(figure: Figure, target: Any, kind: str, metadata: Any) -> None:
         figure.savefig(target, format=kind, metadata=metadata)
 
 
-def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> Table:
-    """Return a table of groups: of each its axis values, by key, and columns of one length, by heading."""
+def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> str:
+    """Return groups as CSV: of each its axis values, by key, and columns of one length, by heading."""
     every = list(groups)
     rows = (
         [*axes.values(), *map(csv_cell, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)
     )
-    return Table((*every[0][0], *every[0][1]), rows)
+    return csv_text((*every[0][0], *every[0][1]), rows)
 
 
-def tabulate_rows(rows: Sequence[Row]) -> Table:
-    """Return a table of rows that all have the same cells."""
+def tabulate_rows(rows: Sequence[Row]) -> str:
+    """Return rows that all have the same cells as CSV."""
     records = [row.record() for row in rows]
     columns = (*rows[0].axes, *records[0])
     cells = zip(rows, records, strict=True)
-    return Table(columns, ([*row.axes.values(), *map(csv_cell, record.values())] for row, record in cells))
+    return csv_text(columns, ([*row.axes.values(), *map(csv_cell, record.values())] for row, record in cells))

@@ -24,7 +24,7 @@ FORMS = {
     "curves": "curves:Curves",
     "map": "maps:Maps",
     "violins": "violins:Violins",
-    "series": "series:Series",
+    "series": "curves:Series",
     "perturbation": "twins:Perturbation",
     "course": "twins:Courses",
 }

@@ -47,7 +47,6 @@ roughness the intervals cover the truth, and the estimates are as good.
 QUINTIC_SCALE = 240
 """Divisor of -|distance| ^ 5 in the covariance of a threefold integral of white noise, up to parabolas."""
 
-
 PLACES = ("V_m", "T_m", "V_p", "T_p")
 """Speed, cm/s, and T_sync, cycles, of the local minimum and of the later peak."""
 

@@ -18,39 +18,31 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.survival import median_time
 
 
-class SeriesStatistics(NamedTuple):
-    """Statistics of several series at each of C cycles; NaN where they are undetermined or have no interval."""
+class PointSeries(NamedTuple):
+    """Statistics of a point's series at each of C cycles; NaN where they are undetermined or have no interval."""
 
+    axes: dict[str, Any]
     cycles: IntArray  # (C,) cycles, from 1
     trials: IntArray  # (C,) number of trials that reach the cycle
     known: IntArray  # (C,) number of these whose value is determined; the statistics are of them
     mean: FloatArray  # (C, 3) mean, and the ends of its 95 % interval
     median: FloatArray  # (C, 3) median, and the ends of its 95 % interval
 
-
-class PointSeries(NamedTuple):
-    """A measure's series at one point of a sweep."""
-
-    axes: dict[str, Any]
-    statistics: SeriesStatistics
-
     def record(self) -> dict[str, Any]:
         """Return the statistics as JSON holds them: a list with a value for each cycle."""
-        cycles, trials, known, *_ = self.statistics
-        found: dict[str, Any] = {"trials": trials, "known": known, "cycle": cycles}
+        found: dict[str, Any] = {"trials": self.trials, "known": self.known, "cycle": self.cycles}
         for name in ("mean", "median"):
             ends = (name, f"{name}_low", f"{name}_high")
-            found |= dict(zip(ends, getattr(self.statistics, name).T, strict=True))
+            found |= dict(zip(ends, getattr(self, name).T, strict=True))
         return {"axes": self.axes, **{name: plain(values.tolist()) for name, values in found.items()}}
 
     def rows(self) -> Iterator[Row]:
         """Yield a row for some of the cycles: 1, 2 and 5 of each decade, and the last one."""
-        last = len(self.statistics.cycles)
+        last = len(self.cycles)
         cycles = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
         for at in sorted(cycle - 1 for cycle in cycles if 0 < cycle <= last):
-            mean, median = (Estimate(*each[at].tolist()) for each in (self.statistics.mean, self.statistics.median))
-            known = int(self.statistics.known[at])
-            yield Row({**self.axes, "cycle": at + 1}, {"trials": known, "mean": mean, "median": median})
+            mean, median = (Estimate(*each[at].tolist()) for each in (self.mean, self.median))
+            yield Row({**self.axes, "cycle": at + 1}, {"trials": int(self.known[at]), "mean": mean, "median": median})
 
 
 STEPS = (1, 2, 5)  # cycles of each decade that tables show, besides the last one
@@ -67,16 +59,16 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
     """Return the statistics of the series at each point that has any, over the cycles; raise StoreError without any."""
     if not any(has_series(point) for point in points):
         raise StoreError(f"{points[0].of or 'T_sync'} is no series, but one value for each trial")
-    found = [(point.axes, _series_of(point)) for point in points]
-    known = [PointSeries(axes, series_statistics(series)) for axes, series in found if any(map(len, series))]
-    if not known:
+    found = []
+    for point in points:
+        known = [value for value in point.measured if value is not None]
+        # a number is a series of one
+        series = [np.array(value if isinstance(value, list) else [value], float) for value in known]
+        if any(map(len, series)):
+            found.append(series_statistics(point.axes, series))
+    if not found:
         raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
-    return known
-
-
-def _series_of(point: PointTrials) -> list[FloatArray]:
-    known = [value for value in point.measured if value is not None]
-    return [np.array(value if isinstance(value, list) else [value], float) for value in known]  # a number is one of one
+    return found
 
 
 def has_series(point: PointTrials) -> bool:
@@ -84,8 +76,8 @@ def has_series(point: PointTrials) -> bool:
     return any(isinstance(value, list) for value in point.measured)
 
 
-def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
-    """Return the statistics of several series, of any lengths, at each cycle; truth values count as 1 and 0.
+def series_statistics(axes: dict[str, Any], series: Sequence[FloatArray]) -> PointSeries:
+    """Return the statistics of a point's series, of any lengths, at each cycle; truth values count as 1 and 0.
 
     The mean's interval is Student's, of the logarithm where all values are positive; the median's has order statistics
     as its ends. There is none with fewer than `MIN_TRIALS` values, or where all are equal. Undetermined values are NaN.
@@ -99,7 +91,7 @@ def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
     known = np.count_nonzero(~np.isnan(values), axis=0)
     has_interval = (known >= MIN_TRIALS) & (_row(ordered, np.maximum(known - 1, 0)) > ordered[0])
     mean, median = _means(ordered, known, has_interval), _medians(ordered, known, has_interval)
-    return SeriesStatistics(cycles, np.count_nonzero(lengths[:, None] >= cycles, axis=0), known, mean, median)
+    return PointSeries(axes, cycles, np.count_nonzero(lengths[:, None] >= cycles, axis=0), known, mean, median)
 
 
 def _means(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> FloatArray:

@@ -23,7 +23,6 @@ Result = TypeVar("Result")
 CHUNK_S = 0.5
 """Work in a chunk, in seconds: long compared with the milliseconds that handing it over costs, short in a run."""
 
-
 LOOK_S = 3.0  # time in seconds without an ended chunk after which it is checked that there are workers at all
 
 

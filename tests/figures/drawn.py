@@ -8,8 +8,6 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-from epuck_sim.display.table import csv_text
-from epuck_sim.figures.saving import Table
 from tests.runs.made_folders import six_digits
 
 
@@ -40,9 +38,9 @@ def legend_texts(figure: Figure) -> list[str]:
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
-def written(table: Table) -> list[dict[str, str]]:
-    """Return the rows of a table as they are in its CSV file."""
-    return list(csv.DictReader(StringIO(csv_text(*table))))
+def written(table: str) -> list[dict[str, str]]:
+    """Return the rows of a CSV file."""
+    return list(csv.DictReader(StringIO(table)))
 
 
 def in_csv(*cells: Any) -> list[str]:

@@ -19,7 +19,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import style as looks
 from epuck_sim.figures.films import BAR, FOUND, MARK, SYNC
 from epuck_sim.figures.forms.violins import LINE, VIOLIN
-from epuck_sim.figures.saving import Table, Target, parse_target, save_figure
+from epuck_sim.figures.saving import Target, parse_target, save_figure
 from epuck_sim.figures.style import COLOURS, GREY, MARKERS, choose_looks, finish, make_panels, style
 from epuck_sim.overhead.annotate import CYAN
 from epuck_sim.recording.layers import DARK, LIT, NIGHT
@@ -153,8 +153,8 @@ def draw(title: str = "title") -> Figure:
     return figure
 
 
-def tables(value: float = 1.5) -> dict[str, Table]:
-    return {".csv": Table(("a", "b"), [(1, value)]), "-more.csv": Table(("c",), [("x",), ("y, z",)])}
+def tables(value: float = 1.5) -> dict[str, str]:
+    return {".csv": f"a,b\n1,{value}\n", "-more.csv": 'c\nx\n"y, z"\n'}
 
 
 @pytest.fixture(scope="module")

@@ -8,19 +8,22 @@ from typing import Any, Self
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.display.table import Row
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form, draw_trials, joined, names_of
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
-from epuck_sim.figures.saving import Table, tabulate, tabulate_rows
+from epuck_sim.figures.saving import tabulate, tabulate_rows
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import MIN_SPEEDS, PLACES, ExtremaSearch, Place, search_extrema
+from epuck_sim.statistics.series import PointSeries, summarize_series
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what is estimated, cycles."""
@@ -105,7 +108,7 @@ class Curves(Form):
         return f"{names} of {self.quantity} against {self.labels[0]}, with 95 % intervals; {trials}"
 
     @property
-    def tables(self) -> Mapping[str, Table]:
+    def tables(self) -> Mapping[str, str]:
         """The points of the curves, and of T_sync their minima and peaks."""
         points = {".csv": curves_table(self.axis, self.curves)}
         if self.of is not None:
@@ -178,8 +181,8 @@ class Curves(Form):
                 panel.plot([], [], marker, color=style.GREY, label=style.typeset(label), **EXTREMUM)
 
 
-def curves_table(axis: str, curves: Sequence[Curve]) -> Table:
-    """Return a table with a row for each point of curves over `axis`; their other axes come first."""
+def curves_table(axis: str, curves: Sequence[Curve]) -> str:
+    """Return CSV with a row for each point of curves over `axis`; their other axes come first."""
     names = (axis, *POINT_COLUMNS)
     columns = [(c.x, c.trials, c.censored, c.names, c.values, *c.intervals.T) for c in curves]
     return tabulate((c.axes, dict(zip(names, found, strict=True))) for c, found in zip(curves, columns, strict=True))
@@ -235,3 +238,73 @@ def _draw_curve(
     for v, t, marker in (("V_m", "T_m", "v"), ("V_p", "T_p", "^")) if places else ():
         speed, time = places[v].estimate.value, places[t].estimate.value
         panel.plot(speed, time, marker, color=look.colour, zorder=4, **EXTREMUM)
+
+
+SERIES_COLUMNS = ("cycle", "trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
+"""Columns after the axes in the table: number of trials that reach the cycle, and of those with a value there."""
+
+MAX_LINES = 20  # largest number of lines; more of them are hard to distinguish
+
+
+@dataclass(kw_only=True)
+class Series(Form):
+    """The mean over the cycles at each point, in its 95 % band; dashed where some trials have ended before."""
+
+    name = "series"
+    takes = ("scale",)
+
+    points: Sequence[PointSeries]
+
+    @classmethod
+    def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
+        return cls(points=summarize_series(points))
+
+    def __post_init__(self) -> None:
+        if len(self.points) > MAX_LINES:
+            raise EpuckSimError(
+                f"there would be {len(self.points)} lines, one for each point; allowed: up to {MAX_LINES}; epuck-sim "
+                "summarize prints all"
+            )
+
+    @property
+    def labels(self) -> Sequence[str]:
+        return "cycle", self.quantity
+
+    @property
+    def shows(self) -> str:
+        trials = style.count_trials([int(point.trials[0]) for point in self.points])
+        return f"{self.of}: means over the cycles of the trials that reach them, with 95 % intervals; {trials}"
+
+    @property
+    def tables(self) -> Mapping[str, str]:
+        """A row for each cycle of each point."""
+        columns = [(s.cycles, s.trials, s.known, *s.mean.T, *s.median.T) for s in self.points]
+        each = zip(self.points, columns, strict=True)
+        return {".csv": tabulate((point.axes, dict(zip(SERIES_COLUMNS, found, strict=True))) for point, found in each)}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        few = any((point.known < MIN_TRIALS).any() for point in self.points)
+        return [f"no bands where fewer than {MIN_TRIALS} trials have a value"] * few
+
+    def draw(self, panels: Sequence[Axes]) -> None:
+        (panel,) = panels
+        labels, looks = self.labels_of([point.axes for point in self.points]), style.choose_looks(len(self.points))
+        has_bands = has_ended = False
+        for place, (series, label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
+            mean, low, high = series.mean.T
+            complete = int(np.count_nonzero(series.trials == series.trials[0]))
+            style.draw_intervals(panel, series.cycles, low, high, look.colour)
+            style.draw_course(panel, series.cycles[:complete], mean[:complete], place, look, style.typeset(label))
+            if complete < len(mean):
+                panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)
+            has_bands |= bool(np.isfinite(low).any())
+            has_ended |= complete < len(mean)
+        means = np.concatenate([point.mean[:, 0] for point in self.points])
+        if self.settings.scale == "log" and style.has_log_scale(self.of, means, "log"):
+            style.make_logarithmic(panel, "y")
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+        if has_bands:
+            panel.fill_between([], [], color=style.GREY, alpha=style.BAND, linewidth=0, label="95 % interval")
+        if has_ended:
+            panel.plot([], [], "--", color=style.GREY, label="some trials have ended")

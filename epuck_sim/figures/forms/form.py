@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.labels import axis_label, format_axis_values, short_files
-from epuck_sim.figures.saving import Table
 from epuck_sim.figures.style import finish, make_panels, style, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, distinguishing_axes
@@ -76,8 +75,8 @@ class Form(ABC):
 
     @property
     @abstractmethod
-    def tables(self) -> Mapping[str, Table]:
-        """Its numbers, by the endings of their files."""
+    def tables(self) -> Mapping[str, str]:
+        """Its numbers as CSV, by the endings of their files."""
 
     @property
     def notes(self) -> Sequence[str]:

@@ -18,7 +18,6 @@ from epuck_sim.figures import style
 from epuck_sim.figures.forms.curves import curves_table
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values, joined, names_of
 from epuck_sim.figures.labels import statistic_label
-from epuck_sim.figures.saving import Table
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis
 from epuck_sim.statistics import Statistic
@@ -100,7 +99,7 @@ class Maps(Form):
         return f"{names} of {self.quantity} over {self.labels[0]} and {self.labels[1]}; {trials}"
 
     @property
-    def tables(self) -> Mapping[str, Table]:
+    def tables(self) -> Mapping[str, str]:
         return {".csv": curves_table(self.x, self._rows)}
 
     def draw(self, panels: Sequence[Axes]) -> None:

@@ -13,7 +13,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import Estimate
 from epuck_sim.figures.forms.curves import Curves
 from epuck_sim.figures.forms.form import Choices
-from epuck_sim.figures.saving import Table, tabulate_rows
+from epuck_sim.figures.saving import tabulate_rows
 from epuck_sim.figures.style import GREY, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import Curve
@@ -88,7 +88,7 @@ class PredictedCurves(Curves):
         return form
 
     @property
-    def tables(self) -> Mapping[str, Table]:
+    def tables(self) -> Mapping[str, str]:
         """The tables of the curves; and a row for each, with its verdict, V_m and V_p, and T_sync in both limits."""
         each = zip(self.curves, self.predicted, strict=False)
         rows = [Row(curve.axes, {name: predicted.at_any.cells[name] for name in CELLS}) for curve, predicted in each]

@@ -13,7 +13,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form
-from epuck_sim.figures.saving import Table, tabulate
+from epuck_sim.figures.saving import tabulate
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
@@ -69,7 +69,7 @@ class Courses(Form):
         return f"Order parameter{deviation} over time; means of {trials}"
 
     @property
-    def tables(self) -> Mapping[str, Table]:
+    def tables(self) -> Mapping[str, str]:
         """A row for each moment of each course."""
         names = ("cycle", "order_parameter", "deviation")
         columns = ((each.axes, {name: getattr(each, name) for name in names}) for each in self.courses)
@@ -130,7 +130,7 @@ class Perturbation(Form):
         return "Deviation of each agent from an undisturbed twin over time; the first trial of each point"
 
     @property
-    def tables(self) -> Mapping[str, Table]:
+    def tables(self) -> Mapping[str, str]:
         """A row for each agent and moment with a deviation."""
         groups = []
         for each in self.shown:

@@ -15,7 +15,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials, joined
 from epuck_sim.figures.labels import format_value, short_files, undetermined_label
-from epuck_sim.figures.saving import Table, tabulate
+from epuck_sim.figures.saving import tabulate
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, numeric_axes
 from epuck_sim.statistics import Statistic
@@ -88,7 +88,7 @@ class Violins(Form):
         return f"{what}; {style.count_trials(list(map(len, observed)))}{left_out}"
 
     @property
-    def tables(self) -> Mapping[str, Table]:
+    def tables(self) -> Mapping[str, str]:
         """A row for each violin: number of trials, share of censored ones, and cycles, or values of the measure."""
         return {".csv": tabulate((curve.axes, self._columns(curve)) for curve in self.curves)}
 
