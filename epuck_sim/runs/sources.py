@@ -5,19 +5,22 @@ What somebody else's folder brings is not run unasked: a user trusts code by its
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from itertools import count
+from itertools import count, starmap
 from pathlib import Path
 from typing import Any
 
 import platformdirs
 
+from epuck_sim.control.loader import CONTROLLER, find_controller, find_sensor
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.compatibility import own_sources
 from epuck_sim.runs.folder import DATABASE
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO, SCENARIO
+from epuck_sim.scenario.particles import ParticleScenario, find_curve
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.stop import MeasureSection
 from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import CONTROLLERS, builtin_folder
@@ -37,10 +40,51 @@ CODE = (".py", ".c", ".h", ".so")
 _trusted: set[str] = set()  # digests of the code that was trusted in this process
 
 
+def own_files(scenario: Scenario) -> tuple[str, ...]:
+    """Return names, with digests, of what a scenario's trials need: controllers, sensors, curve, picture, measures."""
+    return tuple(starmap(name_with_digest, _all_sources(scenario)))
+
+
+NamedSources = tuple[str, Mapping[Path, bytes]]
+"""Name of what users may write, and the contents of its files; none of what is shipped."""
+
+
+def _all_sources(scenario: Scenario) -> Iterator[NamedSources]:
+    yield from named_sources(scenario)
+    yield from map(measure_sources, scenario.measures)
+
+
+def named_sources(scenario: Scenario) -> Iterator[NamedSources]:
+    """Yield names and sources of controllers, sensors in files, a floor's picture and a user's response curve."""
+    for name in scenario.controllers:
+        yield name, {} if name in CONTROLLER.shipped() else find_controller(name).sources
+    if isinstance(scenario, EmbodiedScenario):
+        files = (sensor["file"] for group in scenario.robots for sensor in group.sensors.values())
+        yield from ((file, find_sensor(file).sources) for file in files)
+        if (picture := scenario.arena.floor.picture) is not None:
+            yield picture, {Path(picture): Path(picture).read_bytes()}
+    if isinstance(scenario, ParticleScenario):
+        curve = find_curve(scenario.response.curve)
+        if curve.sources:
+            yield curve.name, curve.sources
+
+
+def measure_sources(section: MeasureSection) -> NamedSources:
+    """Return the name and the sources of a measure."""
+    measure = section.find()
+    return measure.stored_name, measure.sources
+
+
+def name_with_digest(path: str, sources: Mapping[Path, bytes]) -> str:
+    """Return the name of a file, with the digest of its sources if there are any."""
+    digest = f" with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}" if sources else ""
+    return Path(path).name + digest
+
+
 def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) -> None:
     """Write a scenario into a run folder, with the users' files that it names, by paths relative to the folder."""
-    root, needed = folder.resolve(), {path: data for each in used for path, data in own_sources(each).items()}
-    keys = scenario.model_dump(mode="json")
+    root, keys = folder.resolve(), scenario.model_dump(mode="json")
+    needed = {path: data for each in used for _, files in _all_sources(each) for path, data in files.items()}
 
     def read(path: Path) -> Path:
         needed.setdefault(path, path.read_bytes())

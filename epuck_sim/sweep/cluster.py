@@ -11,7 +11,7 @@ from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from epuck_sim.errors import ClusterError, EpuckSimError
-from epuck_sim.runs.compatibility import own_files
+from epuck_sim.runs.sources import own_files
 from epuck_sim.sweep.executors import Pool
 from epuck_sim.sweep.worker import Task
 from epuck_sim.util.provenance import format_versions, host, versions

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import UNDETERMINED, Estimate
+from epuck_sim.runs.compatibility import WHOLE
 from epuck_sim.runs.reader import FinishedTrials
-from epuck_sim.runs.share import WHOLE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.axes import group_rows
 from epuck_sim.scenario.keys import axis_key

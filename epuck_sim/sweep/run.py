@@ -1,6 +1,7 @@
 """A sweep from its scenario to its run folder: the trials that are missing are run, and stored as they end."""
 
 import heapq
+import math
 import random
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -10,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.runs.compatibility import Share
 from epuck_sim.runs.reader import FinishedTrials
-from epuck_sim.runs.share import Share
 from epuck_sim.runs.store import Outcome, Store
 from epuck_sim.scenario.axes import check_figure_axes, check_labels
 from epuck_sim.scenario.loader import load_scenario

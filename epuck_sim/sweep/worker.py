@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.runs.compatibility import own_files
+from epuck_sim.runs.sources import own_files
 from epuck_sim.runs.store import Outcome
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import Simulated, run_trial, simulate
