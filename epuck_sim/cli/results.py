@@ -54,7 +54,7 @@ def summarize(
     """
     from epuck_sim.cli.tables import show
     from epuck_sim.runs.reader import read_points
-    from epuck_sim.statistics.series import has_series, series_table, summarize_series
+    from epuck_sim.statistics.curves import has_series, series_table, summarize_series
     from epuck_sim.statistics.statistic import summarize as statistics
 
     reject_first(options.both(as_json, as_csv))

@@ -14,7 +14,7 @@ from epuck_sim.figures.sweep_figure import read_form
 from epuck_sim.runs.folder import database_of
 from epuck_sim.runs.reader import PointTrials, Status, read_points, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
-from epuck_sim.statistics.series import has_series
+from epuck_sim.statistics.curves import has_series
 from epuck_sim.statistics.statistic import summarize
 from epuck_sim.util.atomic_write import atomic_write, check_target
 from epuck_sim.util.provenance import PROVENANCE

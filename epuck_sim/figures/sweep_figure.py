@@ -16,7 +16,7 @@ from epuck_sim.scenario.axes import check_labels, numeric_axes
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.series import has_series
+from epuck_sim.statistics.curves import has_series
 from epuck_sim.statistics.statistic import check_units, measure_unit
 from epuck_sim.util.messages import comma_list
 

@@ -18,9 +18,8 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
 from epuck_sim.scenario.loader import Point
 from epuck_sim.statistics.comparison import holm
-from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes
+from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes, has_series
 from epuck_sim.statistics.sequential import looks_p_value
-from epuck_sim.statistics.series import has_series
 from epuck_sim.statistics.statistic import Measured, measure, measure_t_sync, restrict
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 

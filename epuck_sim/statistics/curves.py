@@ -1,19 +1,27 @@
-"""Curves of a statistic of T_sync, or of a measure, against one axis of a sweep: one for each combination of others."""
+"""Curves of a statistic of T_sync, or of a measure: against one axis of a sweep, and over the cycles of its trials.
 
-from collections.abc import Sequence
+Trials that have ended before a cycle do not count there. Where trials end by themselves, as with synchrony, those that
+are left are not like those that have ended.
+"""
+
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.display.table import Row, Table, plain
 from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import choose_axis, group_rows
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import Measured, check_statistic, cut, estimate, measure, resample, statistic_name
+from epuck_sim.statistics.survival import median_time
 
 
 class Curve(NamedTuple):
@@ -107,3 +115,120 @@ def estimate_curve(
         is_share=any(each.is_share for each in measured),
         measured=measured,
     )
+
+
+class SeriesStatistics(NamedTuple):
+    """Statistics of several series at each of C cycles; NaN where they are undetermined or have no interval."""
+
+    cycles: IntArray  # (C,) cycles, from 1
+    trials: IntArray  # (C,) number of trials that reach the cycle
+    known: IntArray  # (C,) number of these whose value is determined; the statistics are of them
+    mean: FloatArray  # (C, 3) mean, and the ends of its 95 % interval
+    median: FloatArray  # (C, 3) median, and the ends of its 95 % interval
+
+
+class PointSeries(NamedTuple):
+    """A measure's series at one point of a sweep."""
+
+    axes: dict[str, Any]
+    statistics: SeriesStatistics
+
+    def record(self) -> dict[str, Any]:
+        """Return the statistics as JSON holds them: a list with a value for each cycle."""
+        cycles, trials, known, *_ = self.statistics
+        found: dict[str, Any] = {"trials": trials, "known": known, "cycle": cycles}
+        for name in ("mean", "median"):
+            ends = (name, f"{name}_low", f"{name}_high")
+            found |= dict(zip(ends, getattr(self.statistics, name).T, strict=True))
+        return {"axes": self.axes, **{name: plain(values.tolist()) for name, values in found.items()}}
+
+    def rows(self) -> Iterator[Row]:
+        """Yield a row for some of the cycles: 1, 2 and 5 of each decade, and the last one."""
+        cycles, _, known, means, medians = self.statistics
+        last = len(cycles)
+        shown = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
+        for at in sorted(cycle - 1 for cycle in shown if 0 < cycle <= last):
+            mean, median = (Estimate(*each[at].tolist()) for each in (means, medians))
+            yield Row({**self.axes, "cycle": at + 1}, {"trials": int(known[at]), "mean": mean, "median": median})
+
+
+STEPS = (1, 2, 5)  # cycles of each decade that tables show, besides the last one
+
+
+def series_table(title: str, points: Sequence[PointSeries]) -> Table:
+    """Return a table of the series at each point, at some of the cycles."""
+    rows = [row for point in points for row in point.rows()]
+    notes = ["Trials: those that reach the cycle and have a value there."]
+    return Table(f"{title} at cycles, with 95 % intervals", rows, notes)
+
+
+def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
+    """Return the statistics of the series at each point that has any, over the cycles; raise StoreError without any."""
+    if not any(has_series(point) for point in points):
+        raise StoreError(f"{points[0].of or 'T_sync'} is no series, but one value for each trial")
+    found = []
+    for point in points:
+        known = [value for value in point.measured if value is not None]
+        # a number is a series of one
+        series = [np.array(value if isinstance(value, list) else [value], float) for value in known]
+        if any(map(len, series)):
+            found.append(PointSeries(point.axes, series_statistics(series)))
+    if not found:
+        raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
+    return found
+
+
+def has_series(point: PointTrials) -> bool:
+    """Return whether a point's trials have series of the measure that was asked for."""
+    return any(isinstance(value, list) for value in point.measured)
+
+
+def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
+    """Return the statistics of several series, of any lengths, at each cycle; truth values count as 1 and 0.
+
+    The mean's interval is Student's, of the logarithm where all values are positive; the median's has order statistics
+    as its ends. There is none with fewer than `MIN_TRIALS` values, or where all are equal. Undetermined values are NaN.
+    """
+    lengths = np.array([len(each) for each in series], np.int64)
+    cycles = np.arange(1, lengths.max(initial=0) + 1)
+    values = np.full((len(series), len(cycles)), np.nan)
+    for row, each in zip(values, series, strict=True):
+        row[: len(each)] = each
+    ordered = np.sort(values, axis=0)  # NaN last; in order, so that the order of the trials does not matter
+    known = np.count_nonzero(~np.isnan(values), axis=0)
+    has_interval = (known >= MIN_TRIALS) & (_row(ordered, np.maximum(known - 1, 0)) > ordered[0])
+    mean, median = _means(ordered, known, has_interval), _medians(ordered, known, has_interval)
+    return SeriesStatistics(cycles, np.count_nonzero(lengths[:, None] >= cycles, axis=0), known, mean, median)
+
+
+def _means(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> FloatArray:
+    count = np.maximum(known, 1)
+    mean = np.where(known, np.nansum(ordered, axis=0) / count, np.nan)
+    variance = np.nansum((ordered - mean) ** 2, axis=0) / np.maximum(known - 1, 1)
+    quantiles = stdtrit(np.maximum(known - 1, 1), (1 + LEVEL) / 2)
+    reach = np.where(has_interval, quantiles * np.sqrt(variance / count), np.nan)
+    is_positive = ordered[0] > 0
+    factor = np.exp(np.divide(reach, mean, where=is_positive, out=np.full_like(mean, np.nan)))
+    low = np.where(is_positive, mean / factor, mean - reach)
+    high = np.where(is_positive, mean * factor, mean + reach)
+    return np.column_stack([mean, low, high])
+
+
+def _medians(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> FloatArray:
+    ranks = np.array([_median_ranks(count) for count in range(len(ordered) + 1)])[known]
+    lower, upper, low, high = (_row(ordered, rank) for rank in ranks.T)
+    ends = (np.where(has_interval, end, np.nan) for end in (low, high))
+    return np.column_stack([np.where(known, (lower + upper) / 2, np.nan), *ends])
+
+
+def _median_ranks(count: int) -> tuple[int, int, int, int]:
+    """Return which of ordered values, from 0, the median lies between, and which end its interval."""
+    if count < MIN_TRIALS:
+        return max(count - 1, 0) // 2, count // 2 if count else 0, 0, 0
+    _, low, high = median_time(np.arange(count), np.ones(count, np.bool_))
+    return (count - 1) // 2, count // 2, int(low), int(min(high, count - 1))
+
+
+def _row(ordered: FloatArray, ranks: IntArray) -> FloatArray:
+    found: FloatArray = np.take_along_axis(ordered, ranks[None], axis=0)[0]
+    return found

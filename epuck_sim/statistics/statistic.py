@@ -137,7 +137,7 @@ def measure(point: PointTrials) -> Measured:
     if any(isinstance(value, list) for value in point.measured):
         raise StoreError(
             f"{point.of} is a series, with a value for each cycle; this takes one value a trial: allowed are plot "
-            "--form series and summarize (statistics.series)"
+            "--form series and summarize (statistics.curves)"
         )
     known = [value for value in point.measured if value is not None and not isinstance(value, list)]
     is_share = bool(known) and all(isinstance(value, bool) for value in known)
@@ -420,7 +420,7 @@ def summarize(points: Sequence[PointTrials]) -> Summaries:
         points: What `read_points` returns.
 
     Raises:
-        StoreError: The measure is a series (see `statistics.series`), or trials have no T_sync.
+        StoreError: The measure is a series (see `statistics.curves`), or trials have no T_sync.
     """
     made = [_summarize_point(point) for point in points]
     units = [each.unit for point in made for each in point.estimates.values() if each.unit]

@@ -21,9 +21,8 @@ from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.figures.style import has_log_scale
 from epuck_sim.figures.sweep_figure import read_form
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import Curve, read_curves
+from epuck_sim.statistics.curves import Curve, PointSeries, read_curves, series_statistics
 from epuck_sim.statistics.extrema import ExtremaSearch
-from epuck_sim.statistics.series import series_statistics
 from epuck_sim.theory.predict import predict
 from tests.figures.drawn import in_csv, laid_out, legend_texts, written
 from tests.runs import made_folders
@@ -296,8 +295,8 @@ def test_tables_have_the_numbers_of_the_curves_and_their_extrema_or_say_why_ther
         assert {key: row[key] for key in axes} == {key: "" if v is None else str(v) for key, v in axes.items()}
 
 
-LONG = series_statistics({SPEED: 1}, [np.array([1.0, 2, 3, 5]) + k / 10 for k in range(6)])
-SHORT = series_statistics({SPEED: 2}, [np.arange(3.0)] * 3 + [np.arange(2.0)] * 3)
+LONG = PointSeries({SPEED: 1}, series_statistics([np.array([1.0, 2, 3, 5]) + k / 10 for k in range(6)]))
+SHORT = PointSeries({SPEED: 2}, series_statistics([np.arange(3.0)] * 3 + [np.arange(2.0)] * 3))
 
 
 def test_a_series_is_the_mean_and_dashed_once_a_trial_has_ended_a_row_a_cycle_and_too_many_are_refused():

@@ -21,9 +21,8 @@ from epuck_sim.figures.saving import tabulate, tabulate_rows
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import Curve, read_curves
+from epuck_sim.statistics.curves import Curve, PointSeries, read_curves, summarize_series
 from epuck_sim.statistics.extrema import MIN_SPEEDS, PLACES, ExtremaSearch, Place, search_extrema
-from epuck_sim.statistics.series import PointSeries, summarize_series
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what is estimated, cycles."""
@@ -272,26 +271,26 @@ class Series(Form):
 
     @property
     def shows(self) -> str:
-        trials = style.count_trials([int(point.trials[0]) for point in self.points])
+        trials = style.count_trials([int(point.statistics.trials[0]) for point in self.points])
         return f"{self.of}: means over the cycles of the trials that reach them, with 95 % intervals; {trials}"
 
     @property
     def tables(self) -> Mapping[str, str]:
         """A row for each cycle of each point."""
-        columns = [(s.cycles, s.trials, s.known, *s.mean.T, *s.median.T) for s in self.points]
+        columns = [(s.cycles, s.trials, s.known, *s.mean.T, *s.median.T) for _, s in self.points]
         each = zip(self.points, columns, strict=True)
         return {".csv": tabulate((point.axes, dict(zip(SERIES_COLUMNS, found, strict=True))) for point, found in each)}
 
     @property
     def notes(self) -> Sequence[str]:
-        few = any((point.known < MIN_TRIALS).any() for point in self.points)
+        few = any((point.statistics.known < MIN_TRIALS).any() for point in self.points)
         return [f"no bands where fewer than {MIN_TRIALS} trials have a value"] * few
 
     def draw(self, panels: Sequence[Axes]) -> None:
         (panel,) = panels
         labels, looks = self.labels_of([point.axes for point in self.points]), style.choose_looks(len(self.points))
         has_bands = has_ended = False
-        for place, (series, label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
+        for place, ((_, series), label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
             mean, low, high = series.mean.T
             complete = int(np.count_nonzero(series.trials == series.trials[0]))
             style.draw_intervals(panel, series.cycles, low, high, look.colour)
@@ -300,7 +299,7 @@ class Series(Form):
                 panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)
             has_bands |= bool(np.isfinite(low).any())
             has_ended |= complete < len(mean)
-        means = np.concatenate([point.mean[:, 0] for point in self.points])
+        means = np.concatenate([point.statistics.mean[:, 0] for point in self.points])
         if self.settings.scale == "log" and style.has_log_scale(self.of, means, "log"):
             style.make_logarithmic(panel, "y")
         panel.xaxis.set_major_locator(MaxNLocator(integer=True))
