@@ -20,7 +20,7 @@ from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
 from epuck_sim.replication.sweeps import LOOKS, Trials, check_claim
-from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at, reduction
+from epuck_sim.replication.verdicts import Answer, Finding, Verdict, judge_claims, points_at, reduction
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, choose_axis
 from epuck_sim.scenario.scenario import Scenario
@@ -132,7 +132,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     counts = Counter(answer.verdict for answer in answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
-    count = sum(each.tested.check.test != "formula" for answer in answers for each in answer.checks)
+    count = sum(each.check.test != "formula" for answer in answers for each in answer.checks)
     yield f"# Replication{' of the thesis' * (file is None)}, claim by claim"
     yield f"{len(answers)} claims: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
     looked = f"Each sweep was looked at up to {contents.looks} times, for which p is corrected, too."
@@ -158,7 +158,7 @@ def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
     ours = claim.untested
     if not ours:
         first = _decisive(answer)[0]
-        check = first.tested.check
+        check = first.check
         ours = f"{(check.number or check.test).replace('_', ' ')} {_found(first)}"
     ours = escaped(ours)
     is_explained = answer.verdict in EXPLAINED
@@ -169,7 +169,7 @@ def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
     return " | ".join([name, escaped(said + source), ours, answer.verdict])
 
 
-def _decisive(answer: Answer) -> list[Judged]:
+def _decisive(answer: Answer) -> list[Finding]:
     """Return the tests by which a claim has its verdict: those that do not hold, if there are any."""
     for verdict in (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.HOLDS):
         if found := [judged for judged in answer.checks if judged.verdict == verdict]:
@@ -177,16 +177,16 @@ def _decisive(answer: Answer) -> list[Judged]:
     return []
 
 
-def _found(judged: Judged) -> str:
+def _found(judged: Finding) -> str:
     """Return what a test has found and, in brackets, what was predicted."""
-    low, high = judged.tested.check.predicted
+    low, high = judged.check.predicted
     between = f"{low:g} to {high:g}" if low is not None and high is not None else ""
-    return f"{judged.tested.effect.estimate} ({between or (f'<{high:g}' if low is None else f'>{low:g}')})"
+    return f"{judged.effect.estimate} ({between or (f'<{high:g}' if low is None else f'>{low:g}')})"
 
 
-def _why_no_p_value(judged: Judged) -> str:
-    found = judged.tested.effect.estimate
-    is_known = found.has_interval or judged.tested.check.test == "formula" or math.isnan(found.value)
+def _why_no_p_value(judged: Finding) -> str:
+    found = judged.effect.estimate
+    is_known = found.has_interval or judged.check.test == "formula" or math.isnan(found.value)
     return "" if is_known else "; it has no p-value: its trials are few, or have one value, and show no scatter"
 
 
@@ -196,8 +196,8 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
     yield f"### {claim.id}"
     first, *others = _decisive(answer)
     shown = others[: MOST_TESTS - 1]
-    lines = [f"- {describe_check(first.tested.check)}{_why_no_p_value(first)}"]
-    lines += [f"- {describe_check(each.tested.check)}: {_found(each)}{_why_no_p_value(each)}" for each in shown]
+    lines = [f"- {describe_check(first.check)}{_why_no_p_value(first)}"]
+    lines += [f"- {describe_check(each.check)}: {_found(each)}{_why_no_p_value(each)}" for each in shown]
     if left := len(others) - len(shown):
         lines.append(f"- and {left} more, which are in the table of tests")
     yield escaped("\n".join(lines))
@@ -219,21 +219,20 @@ def make_tables(contents: Contents) -> dict[str, Table]:
     return {name: Table(name, [Row({}, each) for each in rows]) for name, rows in cells.items()}
 
 
-def _test_cells(claim: Claim, judged: Judged) -> dict[str, object]:
-    tested = judged.tested
-    low, high = tested.check.predicted
-    is_exact = tested.check.test == "formula"
+def _test_cells(claim: Claim, judged: Finding) -> dict[str, object]:
+    low, high = judged.check.predicted
+    is_exact = judged.check.test == "formula"
     return {
         "claim": claim.id,
-        "test": describe_check(tested.check),
-        "ours": tested.effect.estimate,
+        "test": describe_check(judged.check),
+        "ours": judged.effect.estimate,
         "predicted_above": low,
         "predicted_below": high,
         "p": None if is_exact else max(judged.p_value, LEAST_P),
         "p_corrected": None if is_exact else max(judged.p_holm, LEAST_P),
-        "fewest_trials": tested.trials[0],
-        "most_trials": tested.trials[1],
-        "most_censored": Share(tested.censored),
+        "fewest_trials": judged.trials[0],
+        "most_trials": judged.trials[1],
+        "most_censored": Share(judged.censored),
         "verdict": judged.verdict,
     }
 
@@ -273,7 +272,7 @@ def draw_claim(answer: Answer, trials: Trials, path: Path) -> bool:
         Whether there is a curve to draw.
     """
     judged = sorted(answer.checks, key=lambda each: each not in _decisive(answer))
-    checks = [each.tested.check for each in judged]
+    checks = [each.check for each in judged]
     drawn = [check for check in checks if check.test != "formula" and reduction(check) is None]
     if answer.claim.sweep is None or not drawn:
         return False

@@ -20,7 +20,6 @@ from epuck_sim.replication.claims import Check, Claim, Claims
 from epuck_sim.replication.verdicts import (
     Answer,
     Finding,
-    Judged,
     Verdict,
     chosen_points,
     judge_claims,
@@ -208,15 +207,15 @@ class Decider:
 def _needs_points(answer: Answer) -> bool:
     """Return whether all tests that are undecided are of points that scatter by far more than their errors."""
     undecided = [judged for judged in answer.checks if judged.verdict == Verdict.UNDECIDED]
-    return bool(undecided) and all(judged.tested.effect.is_scattered for judged in undecided)
+    return bool(undecided) and all(judged.effect.is_scattered for judged in undecided)
 
 
-def _growth_needed(checks: Sequence[Judged], tests: int) -> float:
+def _growth_needed(checks: Sequence[Finding], tests: int) -> float:
     """Return how many times as many trials decide a claim, if effects stay: all its checks for it, or one against."""
     boundary = look_boundary(relative_sizes(LOOKS), 1 - (1 - LEVEL) / tests)
     shown, refuted = 1.0, math.inf
     for judged in checks:
-        for_it, against = p_values(judged.tested.check, judged.tested.effect)
+        for_it, against = p_values(judged.check, judged.effect)
         deviation = float(norm.isf(judged.p_value / 2))
         growth = (boundary / deviation) ** 2 if deviation > 0 else math.inf
         if for_it < against:

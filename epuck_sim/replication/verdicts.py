@@ -53,13 +53,28 @@ POWERS = ("power_exponent", "place_exponent")  # tests that take logarithms of t
 AnyPoint = TypeVar("AnyPoint", Point, PointTrials)  # a point of a sweep, with or without its trials
 
 
+class Verdict(StrEnum):
+    """What is found of a claim, or of one of its checks."""
+
+    HOLDS = "holds"
+    CONTRADICTED = "contradicted"
+    UNDECIDED = "undecided"
+    NOT_ASKED = "not asked"
+    IDENTITY = "identity"
+    READING = "reading"
+    NO_CLAIM = "no claim"
+
+
 class Finding(NamedTuple):
-    """A check, and what its test found."""
+    """A check, what its test found, and what that decides together with all others of a page."""
 
     check: Check
     effect: Effect
     trials: tuple[int, int]  # fewest and most of its points; 0 of a formula
     censored: float  # largest share of its points
+    p_value: float = math.nan  # of data that decide as clearly for either side, if the truth were at the threshold
+    p_holm: float = math.nan  # the same, corrected for the number of looks, and of checks on the page
+    verdict: Verdict = Verdict.UNDECIDED
 
 
 def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
@@ -196,33 +211,12 @@ def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
     return [point._replace(measured=tuple(map(reduced, point.measured))) for point in points]
 
 
-class Verdict(StrEnum):
-    """What is found of a claim, or of one of its checks."""
-
-    HOLDS = "holds"
-    CONTRADICTED = "contradicted"
-    UNDECIDED = "undecided"
-    NOT_ASKED = "not asked"
-    IDENTITY = "identity"
-    READING = "reading"
-    NO_CLAIM = "no claim"
-
-
-class Judged(NamedTuple):
-    """A check with its verdict."""
-
-    tested: Finding
-    p_value: float  # of data that decide as clearly for either side, if the truth were exactly at the threshold
-    p_holm: float  # the same, corrected for the number of looks, and of checks on the page
-    verdict: Verdict
-
-
 class Answer(NamedTuple):
     """A claim with its verdict, and those of its checks."""
 
     claim: Claim
     verdict: Verdict
-    checks: tuple[Judged, ...]
+    checks: tuple[Finding, ...]
 
 
 def judge_claims(asked: Sequence[tuple[Claim, Sequence[Finding]]], looks: int = 1) -> list[Answer]:
@@ -266,10 +260,11 @@ def p_values(check: Check, effect: Effect) -> tuple[float, float]:
     return max(inside), min(1.0, len(sides) * min(outside))
 
 
-def _judge(tested: Finding, p_holm: float | None) -> Judged:
+def _judge(tested: Finding, p_holm: float | None) -> Finding:
     """Return the verdict of a check; a formula needs no correction."""
     for_it, against = p_values(tested.check, tested.effect)
     p_value = min(1.0, 2 * min(for_it, against))  # of a decision that may go either way
     corrected = p_value if p_holm is None else p_holm
     decided = Verdict.HOLDS if for_it < against else Verdict.CONTRADICTED
-    return Judged(tested, p_value, corrected, decided if corrected < 1 - LEVEL else Verdict.UNDECIDED)
+    verdict = decided if corrected < 1 - LEVEL else Verdict.UNDECIDED
+    return tested._replace(p_value=p_value, p_holm=corrected, verdict=verdict)
