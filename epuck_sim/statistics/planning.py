@@ -6,10 +6,11 @@ from statistics import NormalDist
 from typing import Any, NamedTuple
 
 from epuck_sim.display.table import Row, Table
-from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED
+from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import Measured, estimate, mean_and_error, measure, quantity
+from epuck_sim.statistics.survival import QUANTILE
 
 POWER = 0.8  # probability with which a difference is to be seen, by default
 
@@ -72,7 +73,7 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     for point, each in zip(points, measured, strict=True):
         count = len(each.values)
         found = estimate(each, Statistic.MEAN) if count else UNDETERMINED._replace(name="mean")
-        spread = math.nan if each.is_share else relative_spread(each)
+        spread = math.nan if each.is_share else _relative_spread(each)
         scale = spread if not is_of_shares else found.value if count >= MIN_TRIALS else math.nan
         trials = None if math.isnan(scale) else needed([scale], difference, power)
         planned.append(PointPlan(point.number, point.axes, count, found.name, found.value, spread, trials))
@@ -84,11 +85,7 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     return TrialPlan(difference, power, planned, over_all, points[0].of, is_of_shares)
 
 
-def relative_spread(measured: Measured) -> float:
-    """Return the standard deviation of a trial over the size of the mean, restricted where trials are censored.
-
-    It is NaN with fewer than `MIN_TRIALS` trials, where all trials have one value, and where the mean is 0.
-    """
+def _relative_spread(measured: Measured) -> float:
     mean, error, _ = mean_and_error(measured)
     if len(measured.values) < MIN_TRIALS or error == 0 or mean == 0:
         return math.nan
@@ -105,7 +102,7 @@ def trials_needed(spreads: Sequence[float], difference: float, power: float = PO
     >>> trials_needed([0.8], 0.2), trials_needed([0.8] * 20, 0.2)
     (303, 16)
     """
-    both_sides = sum(_quantiles(power))
+    both_sides = QUANTILE + NormalDist().inv_cdf(power)
     variance = 2 * sum(spread**2 for spread in spreads) / len(spreads) ** 2
     return max(MIN_TRIALS, math.ceil(variance * (both_sides / math.log1p(difference)) ** 2))
 
@@ -130,16 +127,11 @@ def trials_for_shares(shares: Sequence[float], difference: float, power: float =
 
 def _trials_between(shares: Sequence[float], others: Sequence[float], power: float) -> int:
     """Return how many trials a point tell shares, (P,), from others that differ from them by one difference."""
-    chance, seen = _quantiles(power)
+    seen = NormalDist().inv_cdf(power)  # by how many standard errors the difference exceeds what chance may be
     count, difference = len(shares), abs(others[0] - shares[0])
     pairs = list(zip(shares, others, strict=True))
     alike = sum(2 * mean * (1 - mean) for mean in ((one + other) / 2 for one, other in pairs))
     apart = sum(one * (1 - one) + other * (1 - other) for one, other in pairs)
-    trials = (chance * math.sqrt(alike) + seen * math.sqrt(apart)) ** 2 / (count * difference**2)  # at all points
+    trials = (QUANTILE * math.sqrt(alike) + seen * math.sqrt(apart)) ** 2 / (count * difference**2)  # at all points
     corrected = trials / 4 * (1 + math.sqrt(1 + 4 / (trials * difference))) ** 2
     return max(MIN_TRIALS, math.ceil(corrected / count))
-
-
-def _quantiles(power: float) -> tuple[float, float]:
-    """Return how many standard errors must not be passed by chance, and by how many more the difference exceeds it."""
-    return NormalDist().inv_cdf((1 + LEVEL) / 2), NormalDist().inv_cdf(power)

@@ -7,7 +7,6 @@ all cases, where percentiles of the bootstrap do in 78 to 96 %: docs/statistics.
 
 import math
 from collections.abc import Sequence
-from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.survival import (
+    QUANTILE,
     SurvivalCurves,
     confidence_interval,
     make_curve,
@@ -222,9 +222,6 @@ def estimate_weibull_mean(measured: Measured, resampled: FloatArray | None = Non
     if resampled is None:
         resampled = weibull_resamples(measured.values, measured.observed, seed=measured.seed)
     return Estimate(mean, *confidence_interval(resampled))
-
-
-QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)  # number of standard errors that an interval reaches either way
 
 
 class MeanError(NamedTuple):

@@ -17,6 +17,8 @@ import numpy.typing as npt
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.estimate import LEVEL
 
+QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)  # number of standard errors that an interval reaches either way
+
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
 _MANY_TRIALS = 10_000  # of more, in few kinds, numbers of each kind are drawn at once: as likely as trial by trial
 _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above or below
@@ -102,8 +104,7 @@ def median_time(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[float, f
     curve = make_curve(times, observed)
     n, d, survival = curve.at_risk[0], curve.events[0], curve.survival[0, 1:]
     variance = np.cumsum(d / (n * np.maximum(n - d, 1)))  # of log R; at the last n = d both limits are 0 anyway
-    z = NormalDist().inv_cdf((1 + LEVEL) / 2)
-    power = np.exp(z * np.sqrt(variance) / -np.log(np.maximum(survival, 1e-300)))
+    power = np.exp(QUANTILE * np.sqrt(variance) / -np.log(np.maximum(survival, 1e-300)))
     limits = survival**power, survival ** (1 / power)
     lower, upper = (float(np.append(curve.times[limit <= _HALF], math.inf)[0]) for limit in limits)
     return float(medians(curve)[0]), lower, upper

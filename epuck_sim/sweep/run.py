@@ -139,11 +139,9 @@ def first_of_each_kind(
     """Return a missing one of the trials wanted for each kind of scenario that is compiled by itself."""
     kinds: dict[tuple[str, ...], Task] = {}
     for point, trials in zip(points, wanted, strict=True):
-        if point.scenario.compiled in kinds:
-            continue
         first = next(finished.missing(point.number, trials), None)
         if first is not None:
-            kinds[point.scenario.compiled] = _task(point, trials[first], interpret)
+            kinds.setdefault(point.scenario.compiled, _task(point, trials[first], interpret))
     return list(kinds.values())
 
 

@@ -100,7 +100,10 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
     sizer = ChunkSizer()
     while queue:
         with open_pool() as pool:
-            if kinds and not _compile_ahead(pool, kinds):
+            try:
+                if kinds:  # one worker compiles all of them
+                    _result(pool.executor.submit(compile_ahead, kinds), pool)
+            except pool.deaths + pool.losses:
                 kinds = ()  # trials will show which of them kills its worker
                 continue
             lost = yield from _run_parallel(pool, queue, sizer)
@@ -108,15 +111,6 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
         while suspects:
             with open_pool() as pool:
                 yield from _run_isolated(pool, suspects)
-
-
-def _compile_ahead(pool: Pool, kinds: Sequence[Task]) -> bool:
-    """Have one worker compile all kinds; return False if it dies."""
-    try:
-        _result(pool.executor.submit(compile_ahead, kinds), pool)
-    except pool.deaths + pool.losses:
-        return False
-    return True
 
 
 def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[list[Outcome], None, list[Task]]:

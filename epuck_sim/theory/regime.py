@@ -18,7 +18,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray
 from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response
-from epuck_sim.statistics.statistic import QUANTILE
+from epuck_sim.statistics.survival import QUANTILE
 from epuck_sim.theory.limits import Limit, find_limit
 
 HOLDS = tuple(2.0**power for power in range(8, -3, -1))
