@@ -21,14 +21,14 @@ from epuck_sim.statistics.statistic import check_units, measure_unit
 from epuck_sim.util.messages import comma_list
 
 FORMS = {
-    "curves": "curves:Curves",
-    "map": "maps:Maps",
-    "violins": "violins:Violins",
-    "series": "curves:Series",
-    "perturbation": "twins:Perturbation",
-    "course": "twins:Courses",
+    "curves": ("curves:Curves", ("x", "panels", "statistic", "scale", "points", "theory")),
+    "map": ("maps:Maps", ("x", "y", "statistic", "scale")),
+    "violins": ("violins:Violins", ("x", "censored_at_cycles", "scale", "points")),
+    "series": ("curves:Series", ("scale",)),
+    "perturbation": ("twins:Perturbation", ()),
+    "course": ("twins:Courses", ()),
 }
-"""Module in `figures.forms` and class of each form, by its name."""
+"""Module in `figures.forms` and class of each form, by its name, and the options that not all forms take."""
 
 Results = Path | str | Sequence[Path | str] | Sequence[PointTrials]  # a run folder, several, or the points of one
 
@@ -95,7 +95,9 @@ def read_form(
     check_labels(section.labels, points[0].axes, (measure.name for measure in scenario.measures), where)
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
-    found = find_form("theory" if name == "curves" and section.theory else name)
+    place = "theory:PredictedCurves" if name == "curves" and section.theory else FORMS[name][0]
+    module, _, member = place.partition(":")
+    found: type[Form] = getattr(import_module(f"epuck_sim.figures.forms.{module}"), member)
     form = found.read(points, Choices(section, given.keys(), folder, prefix))
     form.of, form.unit, form.settings = points[0].of, measure_unit(points[0]) or "", section
     form.ran = _describe(points, folders)
@@ -147,13 +149,6 @@ def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> s
     return "\n".join(lines)
 
 
-def find_form(name: str) -> type[Form]:
-    """Return the class of a form; `theory` is that of curves with predictions."""
-    module, _, member = {**FORMS, "theory": "theory:PredictedCurves"}[name].partition(":")
-    found: type[Form] = getattr(import_module(f"epuck_sim.figures.forms.{module}"), member)
-    return found
-
-
 def _usual_form(points: Sequence[PointTrials]) -> str:
     form = points[0].scenario.figure.form
     if any(map(has_series, points)):
@@ -178,7 +173,7 @@ def _check_fit(points: Sequence[PointTrials], form: str, given: Mapping[str, obj
         "--censored-at is for T_sync; measures are never censored": of and "censored_at_cycles" in given,
     }
     for option, value in given.items():
-        takers = [each for each in FORMS if option in find_form(each).takes]
+        takers = [each for each, (_, takes) in FORMS.items() if option in takes]
         others = " and ".join(filter(None, [", ".join(takers[:-1]), *takers[-1:]]))
         mistakes[f"{flag(option, value)} is for --form {others}, but this is {form}"] = form not in (takers or [form])
     for message, is_made in mistakes.items():

@@ -48,7 +48,6 @@ class Curves(Form):
     """
 
     name = "curves"
-    takes = ("x", "panels", "statistic", "scale", "points", "theory")
 
     axis: str  # dotted key of the horizontal axis
     curves: Sequence[Curve]
@@ -250,7 +249,6 @@ class Series(Form):
     """The mean over the cycles at each point, in its 95 % band; dashed where some trials have ended before."""
 
     name = "series"
-    takes = ("scale",)
 
     points: Sequence[PointSeries]
 

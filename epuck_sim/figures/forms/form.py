@@ -45,7 +45,6 @@ class Form(ABC):
     """A way to draw a sweep, with what it shows."""
 
     name: ClassVar[str]  # what `--form` calls it
-    takes: ClassVar[tuple[str, ...]] = ()  # keys of the section `figure` that not all forms take
     shape: ClassVar[float] = 0.72  # height of a panel over its width
 
     of: str | None = None  # name of the measure; None for T_sync

@@ -56,7 +56,6 @@ class Maps(Form):
     """
 
     name = "map"
-    takes = ("x", "y", "statistic", "scale")
 
     x: str
     y: str

@@ -41,7 +41,6 @@ class Violins(Form):
     """
 
     name = "violins"
-    takes = ("x", "censored_at_cycles", "scale", "points")
 
     axis: str  # dotted key of the horizontal axis
     names: Sequence[str] = ()  # its values where they are no numbers; places of violins are 0, 1 and so on then
