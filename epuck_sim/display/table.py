@@ -16,7 +16,7 @@ from epuck_sim.display.html import element, to_html
 from epuck_sim.display.html import table as html_table
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
 
-CSV_DIGITS = 6  # significant digits of numbers in CSV
+CSV_DIGITS, AXIS_DIGITS = 6, 15  # significant digits in CSV of numbers, and of values of axes, which tell rows apart
 GAP = 2  # number of blanks between the columns of a terminal
 MOST_TIED = 6  # largest number of values of an axis that are named above a table
 POINT = "point"  # column with the number of a point, the first to be left out where a table is too wide
@@ -61,8 +61,10 @@ class Table(NamedTuple):
 
     def to_csv(self) -> str:
         """Return the rows as CSV, with the axes first."""
-        rows = [{**record.pop("axes"), **record} for record in self.records()]
-        return csv_text(rows[0] if rows else (), (map(csv_cell, row.values()) for row in rows))
+        records = self.records()
+        axes = [{key: csv_cell(value, AXIS_DIGITS) for key, value in each.pop("axes").items()} for each in records]
+        rows = ([*head.values(), *map(csv_cell, each.values())] for head, each in zip(axes, records, strict=True))
+        return csv_text((*axes[0], *records[0]) if records else (), rows)
 
     def to_html(self) -> Element:
         """Return the table and what is to be said of it."""
@@ -170,15 +172,15 @@ def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     return written.getvalue()
 
 
-def csv_cell(value: Any) -> Any:
+def csv_cell(value: Any, digits: int = CSV_DIGITS) -> Any:
     """Return a number with the digits of CSV, and nothing for one that is not finite; anything else as it is.
 
-    >>> csv_cell(1234.56789), csv_cell(float("nan")), csv_cell("mean")
-    ('1234.57', '', 'mean')
+    >>> csv_cell(1234.56789), csv_cell(1234567), csv_cell(float("nan")), csv_cell("mean")
+    ('1234.57', 1234567, '', 'mean')
     """
-    if value is None or isinstance(value, str | bool | list | dict):
+    if value is None or isinstance(value, str | int | list | dict):
         return value
-    return f"{value:.{CSV_DIGITS}g}" if math.isfinite(value) else ""
+    return f"{value:.{digits}g}" if math.isfinite(value) else ""
 
 
 def _columns(table: Table) -> list[_Column]:

@@ -227,3 +227,10 @@ def test_json_and_csv_have_every_number(table: Table) -> None:
                 assert record[key] == (number if known else None)
                 assert (line[key] == "") == (not known)
                 assert not known or float(line[key]) == pytest.approx(number, rel=1e-5)
+
+
+def test_values_of_axes_and_whole_numbers_have_all_of_their_digits_in_csv() -> None:
+    rows = [Row({"max_cycles": cycles, "speed": 0.1234567}, {"trials": 1234567}) for cycles in (1_000_000, 1_000_001)]
+    head, *lines = Table("", rows).to_csv().splitlines()
+    assert head == "max_cycles,speed,trials"
+    assert lines == [f"{cycles},0.1234567,1234567" for cycles in (1_000_000, 1_000_001)]
