@@ -26,7 +26,7 @@ from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.figures.style import COLUMN_CM, choose_looks, style
 from epuck_sim.statistics.comparison import contrast, holm, log_rank, log_rank_parts, mean_contrast, pair_up
 from epuck_sim.statistics.statistic import Measured, mean_and_error, measure_t_sync
-from epuck_sim.sweep.executors import local_pool
+from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.util.atomic_write import atomic_write
 
 DOCS = Path(__file__).parent

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from epuck_sim.sweep import executors
+from epuck_sim.sweep import scheduler
 from epuck_sim.util.machine import signals
 from tests.processes import end_all
 from tests.sweep.pool_here import pool_here
@@ -43,5 +43,5 @@ def _no_process_outlives_its_test() -> Iterator[None]:
 def sweeps_run_here() -> Iterator[None]:
     """Have commands run their sweeps in this process; pools of processes are looked at in tests/sweep."""
     with pytest.MonkeyPatch.context() as patches:
-        patches.setattr(executors, "local_pool", pool_here)
+        patches.setattr(scheduler, "local_pool", pool_here)
         yield

@@ -22,7 +22,7 @@ import yaml
 import epuck_sim
 from epuck_sim import EmbodiedScenario, ParticleScenario, ParticleSimulation, Simulation, Step, load_scenario, run_trial
 from epuck_sim.overhead.film import open_film
-from epuck_sim.sweep.executors import local_pool
+from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.builtin import ARENAS, builtin_files
 

@@ -301,8 +301,8 @@ def plan(
     from epuck_sim.runs.reader import read_points
     from epuck_sim.scenario.loader import points as find_points
     from epuck_sim.statistics.planning import plan_trials
-    from epuck_sim.sweep.executors import available_cores
     from epuck_sim.sweep.run import check_sweep
+    from epuck_sim.sweep.scheduler import available_cores
 
     folder = Path(sweep)
     is_folder = (folder / DATABASE).is_file()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.sources import own_files
-from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.scheduler import Pool
 from epuck_sim.sweep.worker import Task
 from epuck_sim.util.provenance import format_versions, host, versions
 

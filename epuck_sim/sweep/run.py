@@ -18,8 +18,7 @@ from epuck_sim.scenario.axes import check_figure_axes, check_labels
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, describe_axes, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep.executors import OpenPool, local_pool
-from epuck_sim.sweep.scheduler import TaskQueue, schedule
+from epuck_sim.sweep.scheduler import OpenPool, TaskQueue, local_pool, schedule
 from epuck_sim.sweep.worker import Task, TrialTimeoutError
 from epuck_sim.trial.model import check_interpretable, check_room, run_trial, simulate
 from epuck_sim.trial.result import TrialState
@@ -59,7 +58,7 @@ def run_sweep(
     Args:
         scenario: A Scenario, or what `load_scenario` takes.
         folder: The run folder, which is made if it does not exist.
-        open_pool: Opens a pool of workers, see `epuck_sim.sweep.executors`; processes on all cores by default.
+        open_pool: Opens a pool of workers, see `epuck_sim.sweep.scheduler`; processes on all cores by default.
         observer: Called with the progress before the first trial and after each.
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.

@@ -1,22 +1,132 @@
-"""Hands trials to workers in chunks and gathers the outcomes, whatever becomes of a worker.
+"""Workers, and how they are handed trials in chunks and give the outcomes, whatever becomes of one of them.
 
-A chunk is half a second of work, less towards the end, so that no worker is left alone with the last ones.
+A pool of workers has an executor of concurrent.futures; here it is of processes of this machine. A chunk is half a
+second of work, less towards the end, so that no worker is left alone with the last ones.
 """
 
 import math
+import multiprocessing
+import os
+import threading
 import time
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Future
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
 from heapq import heappop, heappush
 from itertools import islice
+from multiprocessing import forkserver, resource_tracker
 from queue import Empty, SimpleQueue
-from typing import TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-from epuck_sim.errors import ClusterError
+from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.store import Outcome
-from epuck_sim.sweep.executors import OpenPool, Pool
 from epuck_sim.sweep.worker import Task, compile_ahead, make_outcome, out_of_time, run_chunk
+from epuck_sim.util.machine import allow_files, blocked
+
+if TYPE_CHECKING:
+    from multiprocessing.context import ForkServerContext, SpawnContext
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Environment variables that limit a library to one thread, so that workers do not compete for cores."""
+
+PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.trial.particles"]
+"""Modules that the server from which local workers are forked has loaded, so that no worker loads them itself."""
+
+
+class Pool(NamedTuple):
+    """An executor, and what the scheduler needs to know of it."""
+
+    executor: Executor
+    slots: Callable[[], int]  # returns the number of chunks to have under way
+    deaths: tuple[type[Exception], ...]  # errors that a future raises if its worker has died
+    losses: tuple[type[Exception], ...] = ()
+    """Errors that a future, or `slots`, raises if all workers are gone at once, which no trial can have caused."""
+
+
+OpenPool = Callable[[], AbstractContextManager[Pool]]
+
+
+@contextmanager
+def local_pool(workers: int | None = None) -> Iterator[Pool]:
+    """Yield a pool of processes, each with one thread, which end with the block, or with this process.
+
+    If the block ends with an error, the work under way is thrown away.
+    """
+    workers = workers or available_cores()
+    needed = 24 + 2 * workers  # of this process, and of the server
+    if (allowed := allow_files(needed)) is not None:
+        enough = max(1, (allowed - 24) // 2)
+        raise EpuckSimError(
+            f"{workers} workers need {needed} open files; allowed: {allowed}, enough for {enough} workers; "
+            "ulimit -n raises it"
+        )
+    others = set(multiprocessing.active_children())
+    with _environment(dict.fromkeys(ONE_THREAD, "1")):
+        context = _context()
+        # Ctrl-C while the server still loads would close what workers are about to open: wait until it has forked once
+        probe = context.Process(target=str)  # which ends at once
+        probe.start()
+        probe.join()
+        if probe.exitcode == 1:  # it imported the script again, which began the sweep, and has said what was wrong
+            raise EpuckSimError('workers cannot start; a script must begin sweeps below `if __name__ == "__main__":`')
+        executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
+        try:
+            yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
+        except BaseException:
+            for process in set(multiprocessing.active_children()) - others:
+                process.terminate()
+            executor.shutdown(cancel_futures=True)  # waits: a worker that is starting needs what exit removes
+            raise
+        executor.shutdown()
+
+
+def _context() -> "ForkServerContext | SpawnContext":
+    """Return how workers are started: forked by a server that has the simulation loaded, where the system can do so.
+
+    The server has no threads that a fork could break.
+    """
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    with blocked("SIGHUP"):  # it ignores other signals by itself, and ends when no process needs it any more
+        resource_tracker.ensure_running()  # later it would unblock SIGINT
+    with blocked("SIGINT"):
+        forkserver.ensure_running()
+    return context
+
+
+def available_cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _end_with_parent() -> None:
+    """Let this worker end when its parent does, even if that was killed."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # this runs in a child
+
+    def wait_for_parent() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait_for_parent, daemon=True).start()
+
+
+@contextmanager
+def _environment(settings: dict[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
 
 Result = TypeVar("Result")
 

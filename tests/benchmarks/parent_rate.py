@@ -15,7 +15,7 @@ from typing import Any
 
 from epuck_sim import TrialResult, run_sweep
 from epuck_sim.runs.store import Outcome
-from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.scheduler import Pool
 from epuck_sim.sweep.worker import Task, run_chunk
 from epuck_sim.util.provenance import host, versions
 from tests.benchmarks.big_folders import scenario_of

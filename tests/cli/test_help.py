@@ -94,10 +94,10 @@ ROOT = Path(__file__).parent.parent.parent
 WITHOUT = f"""
 import json, sys
 sys.modules.update(dict.fromkeys({list(EXTRAS)}))
-from epuck_sim.sweep import executors
+from epuck_sim.sweep import scheduler
 from tests.cli.commands import call
 from tests.sweep.pool_here import pool_here
-executors.local_pool = pool_here
+scheduler.local_pool = pool_here
 print(json.dumps([(done.exit_code, done.stderr) for done in (call(*words.split()) for words in json.load(sys.stdin))]))
 """
 """Calls commands in a process that cannot import any of the optional packages."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 
-from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.scheduler import Pool
 
 
 class Here(Executor):

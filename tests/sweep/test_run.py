@@ -23,10 +23,10 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_sizes
 from epuck_sim.statistics.statistic import measure_t_sync
-from epuck_sim.sweep import executors
-from epuck_sim.sweep.executors import local_pool
+from epuck_sim.sweep import scheduler
 from epuck_sim.sweep.looks import Looks
 from epuck_sim.sweep.run import SweepProgress, first_of_each_kind, missing_tasks, run_sweep
+from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.sweep.worker import run_chunk
 from tests.cli.commands import call
 from tests.processes import processes_marked, start, wait_until
@@ -177,7 +177,7 @@ def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
 
 
 def test_other_versions_that_made_trials_are_reported(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(executors, "local_pool", pool_here)
+    monkeypatch.setattr(scheduler, "local_pool", pool_here)
     folder = tmp_path / "run"
     run_sweep(load_scenario(short_sweep(tmp_path, 2)), folder, pool_here)
     assert "note: " not in call("run", folder).stderr

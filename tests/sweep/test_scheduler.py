@@ -29,9 +29,8 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep import cluster, worker
 from epuck_sim.sweep.cluster import DaskCluster, SameVersionsExecutor, SchedulerGoneError
-from epuck_sim.sweep.executors import ONE_THREAD, Pool, local_pool
 from epuck_sim.sweep.run import run_sweep
-from epuck_sim.sweep.scheduler import CHUNK_S, ChunkSizer, TaskQueue, schedule
+from epuck_sim.sweep.scheduler import CHUNK_S, ONE_THREAD, ChunkSizer, Pool, TaskQueue, local_pool, schedule
 from epuck_sim.sweep.worker import Task, make_outcome, run_chunk
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call
@@ -252,7 +251,7 @@ UNNEEDED = {
 ASKED_OF_A_WORKER = """
 import sys
 from epuck_sim.__main__ import main
-from epuck_sim.sweep.executors import local_pool
+from epuck_sim.sweep.scheduler import local_pool
 if __name__ == "__main__":
     with local_pool(1) as pool:
         print(pool.executor.submit(eval, "[*__import__('sys').modules]").result())

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.sweep import executors
+from epuck_sim.sweep import scheduler
 from tests.cli.commands import call
 from tests.processes import start
 from tests.replication.claim_files import FASTER, claim, write_claims
@@ -109,7 +109,7 @@ LOCKS = {"no flock": errno.ENOLCK, "flock EIO": errno.EIO, "flock ENOSYS": errno
 
 TEMPORARY = "short temporary folder"
 
-LOCAL_POOL = executors.local_pool
+LOCAL_POOL = scheduler.local_pool
 
 EVER = 2**40
 """More calls than a command makes."""
@@ -132,7 +132,7 @@ def prepare(folder: Path) -> None:
     tiny = {"scenario": "particles", "keys": keys}
     write_claims(folder, [claim("A1", between)], tiny)
     os.chdir(folder)
-    executors.local_pool = pool_here
+    scheduler.local_pool = pool_here
     for words in ("run s.yaml --out f", "run s.yaml --share 1/2 --out a", "run s.yaml --share 2/2 --out b"):
         assert call(*words.split()).exit_code == 0  # in this process, which so has loaded what all need
 
@@ -148,7 +148,7 @@ def run(folder: Path, words: str, arm: Callable[[Any], None] = lambda _: None) -
         os.environ["TMPDIR"] = str(folder / "tmp")
         shim = ctypes.CDLL(None)
         shim.calls_left.restype = ctypes.c_long
-        executors.local_pool = LOCAL_POOL if "--workers" in words else pool_here
+        scheduler.local_pool = LOCAL_POOL if "--workers" in words else pool_here
         arm(shim)
         done = call(*words.split())
         left = shim.calls_left()

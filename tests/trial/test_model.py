@@ -19,7 +19,7 @@ from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES, write_scenario
 from epuck_sim.scenario.scenario import StopSection
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.sweep.executors import local_pool
+from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.trial import particles
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate
