@@ -32,9 +32,7 @@ DARK = "#8a8f98"  # colour of rings that are dark
 INNER_SHARE = 0.88  # radius of the white line within the coloured edge of a disc, as a share of its radius
 MAX_VECTOR_MARKS = 5_000  # largest number of marks that an SVG holds one by one; more of them are a picture in it
 
-MARGINS = {"left": 0.08, "right": 0.985, "bottom": 0.14}
-"""Where the panels begin and end, as shares of the page."""
-
+MARGINS = {"left": 0.08, "right": 0.985, "bottom": 0.14}  # where the panels begin and end, as shares of the page
 TOP = 0.89  # where the panels end below a title of one line, as a share of the page
 LINE_HEIGHT = 0.035  # height of each further line of the title, as a share of the page
 HEIGHTS = (1.3, 1.1, 1)  # relative heights of the flashes, the phases and the order parameter
@@ -196,8 +194,7 @@ def _jumps(path: Float32Array, population: Population) -> IntArray:
 
 def robot_colours(population: Population) -> FloatArray:
     """Return a colour for each robot or agent, (size, 4)."""
-    colours: FloatArray = colormaps["viridis"](np.linspace(0, 0.95, population.size))
-    return colours
+    return np.asarray(colormaps["viridis"](np.linspace(0, 0.95, population.size)))
 
 
 def page_title(recorded: Recorded, *, has_oscillators: bool) -> str:

@@ -21,9 +21,7 @@ from epuck_sim.runs.folder import STORED, current_holder, database_of, has_locks
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
-APPLICATION_ID = int.from_bytes(b"epck")
-"""Marks a SQLite file as ours (its header, bytes 68 to 71)."""
-
+APPLICATION_ID = int.from_bytes(b"epck")  # marks a SQLite file as ours (its header, bytes 68 to 71)
 FORMAT = 2  # version of the tables (bytes 60 to 63)
 
 RESULT = {

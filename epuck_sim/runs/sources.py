@@ -31,11 +31,8 @@ SOURCES = "sources"
 DIGESTS = "SHA256SUMS"
 """Name of the file with the digests of the scenario and of users' files, as `sha256sum -c` reads it."""
 
-NO_FILES = ("name", "description", "figure")
-"""Keys of a scenario that name no files, whatever they say."""
-
-CODE = (".py", ".c", ".h", ".so")
-"""Endings of files that are run, or compiled and run."""
+NO_FILES = ("name", "description", "figure")  # keys of a scenario that name no files, whatever they say
+CODE = (".py", ".c", ".h", ".so")  # endings of files that are run, or compiled and run
 
 _trusted: set[str] = set()  # digests of the code that was trusted in this process
 

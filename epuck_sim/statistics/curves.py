@@ -230,5 +230,4 @@ def _median_ranks(count: int) -> tuple[int, int, int, int]:
 
 
 def _row(ordered: FloatArray, ranks: IntArray) -> FloatArray:
-    found: FloatArray = np.take_along_axis(ordered, ranks[None], axis=0)[0]
-    return found
+    return np.asarray(np.take_along_axis(ordered, ranks[None], axis=0)[0])

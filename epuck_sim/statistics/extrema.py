@@ -47,8 +47,7 @@ roughness the intervals cover the truth, and the estimates are as good.
 QUINTIC_SCALE = 240
 """Divisor of -|distance| ^ 5 in the covariance of a threefold integral of white noise, up to parabolas."""
 
-PLACES = ("V_m", "T_m", "V_p", "T_p")
-"""Speed, cm/s, and T_sync, cycles, of the local minimum and of the later peak."""
+PLACES = ("V_m", "T_m", "V_p", "T_p")  # speed, cm/s, and T_sync, cycles, of the local minimum and of the later peak
 
 
 class Place(NamedTuple):
@@ -315,5 +314,4 @@ def _last_crossings(x: FloatArray, logs: FloatArray) -> FloatArray:
     threshold = logs[:, -1] + math.log(FAST_FACTOR)
     is_crossed = above.any(axis=1)  # else the two may be equal
     share = np.where(is_crossed, (high - threshold) / np.where(is_crossed, high - low, 1), np.nan)
-    crossings: FloatArray = np.exp(x[before] + share * (x[before + 1] - x[before]))
-    return crossings
+    return np.asarray(np.exp(x[before] + share * (x[before + 1] - x[before])))

@@ -180,8 +180,7 @@ def _least_squares(
     return estimates, float(weights @ (values - design @ fitted) ** 2)
 
 
-QUANTITIES = (*PLACES, "V_f")
-"""What a curve of T_sync may have, in the order of tables."""
+QUANTITIES = (*PLACES, "V_f")  # what a curve of T_sync may have, in the order of tables
 
 
 class FittedCurve(NamedTuple):

@@ -114,8 +114,7 @@ def medians(curves: SurvivalCurves) -> FloatArray:
     """Return the medians, (B,) cycles, as `median_time` does; inf where R does not fall below 1/2."""
     times = np.append(curves.times, math.inf)
     first, second = ((curves.survival[:, 1:] > limit).sum(axis=1) for limit in (_HALF, 1 - _HALF))
-    found: FloatArray = (times[first] + times[second]) / 2
-    return found
+    return np.asarray((times[first] + times[second]) / 2)
 
 
 def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:
