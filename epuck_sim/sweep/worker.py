@@ -13,10 +13,10 @@ import pickle
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.sources import own_files
@@ -105,7 +105,7 @@ class TrialTimeoutError(EpuckSimError):
 
 def compile_ahead(tasks: Sequence[Task]) -> None:
     """Set up the trials without a step, so that other workers find compiled code in the cache."""
-    with watchdog() as dog:
+    with Watchdog() as dog:
         for task in tasks:
             with suppress(BaseException):  # running the trial will show it
                 dog.begin(task.scenario.name)
@@ -115,7 +115,7 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
 def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
     """Run the trials in order; an error in one of them becomes its outcome."""
     keys: dict[tuple[int, bool], Key] = {}
-    with watchdog(tasks[0].scenario.trial_timeout_s) as dog:
+    with Watchdog(tasks[0].scenario.trial_timeout_s) as dog:
         return [_run_task(task, keys, dog) for task in tasks]
 
 
@@ -183,16 +183,29 @@ def _provenance() -> dict[str, str]:
 
 
 class Watchdog:
-    """What `watchdog` yields: it watches the setting up of each trial until it is told how to watch its steps."""
+    """Watches the trials that this thread simulates in its block, each of which may take a wall time.
 
-    def __init__(self, limit_s: float, timeout_s: float | None) -> None:
+    It watches the setting up of each trial until it is told how to watch its steps.
+    """
+
+    def __init__(self, timeout_s: float | None = None) -> None:
         self._name = ""
         self._trials = 0
-        self._limit_s, self._timeout_s = limit_s, math.inf if timeout_s is None else timeout_s
+        self._limit_s = float(os.environ.get(LIMIT_VARIABLE, STEP_LIMIT_S))
+        self._timeout_s = math.inf if timeout_s is None else timeout_s
         self._began_s = math.inf  # of the trial's steps
         self._at_work: AtWork = lambda: None
         self._cpu_s = _thread_clock()
-        self.over = threading.Event()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
 
     def begin(self, name: str) -> None:
         """Watch the setting up of another trial from now on; name: that of the trial, for the message."""
@@ -208,11 +221,11 @@ class Watchdog:
         if time.monotonic() - self._began_s > self._timeout_s:
             raise TrialTimeoutError(out_of_time(self._timeout_s))
 
-    def run(self) -> None:
+    def _run(self) -> None:
         """End this process if a trial does not go on for longer than the limit, or does not end when its time is up."""
         last: tuple[int, tuple[int, int, str] | None] = (0, None)
         since_s = self._cpu_s()
-        while not self.over.wait(min(self._limit_s, self._timeout_s) / 20):
+        while not self._over.wait(min(self._limit_s, self._timeout_s) / 20):
             if time.monotonic() - self._began_s > self._timeout_s + OVERTIME_S:
                 self._end(out_of_time(self._timeout_s))
             now = self._trials, self._at_work()
@@ -226,19 +239,6 @@ class Watchdog:
             os.write(sys.stderr.fileno(), f"{self._name}: {why}; its worker is ended\n".encode())
         finally:  # whether or not there is somewhere to write to
             os._exit(EXIT_CODE)
-
-
-@contextmanager
-def watchdog(timeout_s: float | None = None) -> Iterator[Watchdog]:
-    """Watch the trials that this thread simulates in the block, each of which may take a wall time."""
-    dog = Watchdog(float(os.environ.get(LIMIT_VARIABLE, STEP_LIMIT_S)), timeout_s)
-    thread = threading.Thread(target=dog.run, daemon=True)
-    thread.start()
-    try:
-        yield dog
-    finally:
-        dog.over.set()
-        thread.join()
 
 
 def _thread_clock() -> Callable[[], float]:

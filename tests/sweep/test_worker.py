@@ -11,7 +11,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.sweep import run, worker
 from epuck_sim.sweep.run import run_sweep, time_trials
-from epuck_sim.sweep.worker import LIMIT_VARIABLE, Task, Watchdog, out_of_time, run_chunk, watchdog
+from epuck_sim.sweep.worker import LIMIT_VARIABLE, Task, Watchdog, out_of_time, run_chunk
 from epuck_sim.trial.model import run_trial, simulate
 from tests.cli.commands import called
 from tests.control.bench import with_step, write_soon_after
@@ -143,7 +143,7 @@ def test_a_trial_that_goes_on_may_take_longer_than_a_step(monkeypatch) -> None:
     ended: list[str] = []
     monkeypatch.setattr(Watchdog, "_end", lambda _, why: ended.append(why))
     steps = count()
-    with watchdog() as dog:
+    with Watchdog() as dog:
         dog.begin("a trial")
         dog.watch_steps(lambda: (0, next(steps), "controller"))
         began = time.process_time()
