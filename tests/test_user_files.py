@@ -13,7 +13,7 @@ from epuck_sim import Simulation, points, run_sweep, user_files
 from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.environments.rewards import REWARD, find_reward
 from epuck_sim.errors import ControllerError, CurveError, ScenarioError
-from epuck_sim.measures.loader import MEASURE, find_measure
+from epuck_sim.measures.measure import MEASURE, find_measure
 from epuck_sim.runs.sources import own_files
 from epuck_sim.scenario.loader import SCENARIO, load_scenario
 from epuck_sim.scenario.particles import CURVE, find_curve

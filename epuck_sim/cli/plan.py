@@ -13,8 +13,7 @@ from epuck_sim.display.html import in_words
 from epuck_sim.estimate import Estimate
 from epuck_sim.runs.compatibility import WHOLE, Share
 from epuck_sim.runs.reader import PointAtLimit, read_status, read_wall_times
-from epuck_sim.scenario.loader import RUN_SCENARIO
-from epuck_sim.scenario.points import Point
+from epuck_sim.scenario.loader import RUN_SCENARIO, Point
 from epuck_sim.statistics.planning import TrialPlan
 from epuck_sim.statistics.statistic import Measured, estimate_mean
 from epuck_sim.sweep.run import time_trials

@@ -15,8 +15,8 @@ from epuck_sim.cli.errors import print_stderr
 from epuck_sim.cli.tables import describe_at_limit
 from epuck_sim.display.html import in_words
 from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
-from epuck_sim.scenario.points import Point
-from epuck_sim.scenario.stop import StopSection
+from epuck_sim.scenario.loader import Point
+from epuck_sim.scenario.scenario import StopSection
 from epuck_sim.sweep.run import SweepProgress
 from epuck_sim.sweep.worker import AtWork, never_returned
 from epuck_sim.trial.result import WINDOW, HopelessnessWatch, TrialState

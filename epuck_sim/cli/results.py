@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import prefix_scenario, reject_first
-from epuck_sim.cli.options import looks_option
+from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first
+from epuck_sim.cli.options import argument, looks_option, option
 from epuck_sim.statistics import Statistic
 from epuck_sim.util.messages import counted
 
@@ -370,8 +370,8 @@ def replicate(
     from epuck_sim.replication.sweeps import LOOKS, Decider, Trials, begun, needed_sweeps, sweep_folder
     from epuck_sim.scenario.scenario import Scenario
     from epuck_sim.sweep.cluster import DaskCluster
-    from epuck_sim.sweep.executors import local_pool
     from epuck_sim.sweep.run import run_sweep
+    from epuck_sim.sweep.scheduler import local_pool
 
     open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
     needed = needed_sweeps(known, chosen)

@@ -35,8 +35,7 @@ def check(
     Comments at its end say how many points and trials it has, and what they take.
     """
     from epuck_sim.runs.sources import is_trusted, run_folder_of
-    from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
-    from epuck_sim.scenario.points import points
+    from epuck_sim.scenario.loader import RUN_SCENARIO, points, write_scenario
     from epuck_sim.sweep.run import check_sweep, describe_size
 
     if (folder := run_folder_of(scenario)) is not None and not is_trusted(folder):

@@ -24,8 +24,7 @@ from epuck_sim.runs.sources import (
     trust,
     write_files,
 )
-from epuck_sim.scenario.loader import validate
-from epuck_sim.scenario.points import Point
+from epuck_sim.scenario.loader import Point, validate
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.provenance import PROVENANCE, format_versions

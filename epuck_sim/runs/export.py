@@ -8,7 +8,7 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.measures.interface import Value
+from epuck_sim.measures.measure import Value
 from epuck_sim.runs.database import RESULT, as_column, reading
 from epuck_sim.runs.reader import measures_in
 from epuck_sim.util.atomic_write import atomic_write

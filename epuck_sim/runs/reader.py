@@ -16,7 +16,7 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
-from epuck_sim.measures.interface import Value
+from epuck_sim.measures.measure import Value
 from epuck_sim.runs.compatibility import WHOLE, read_share
 from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
 from epuck_sim.runs.folder import DATABASE, current_holder, database_of

@@ -19,8 +19,7 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO, SCENARIO
 from epuck_sim.scenario.particles import ParticleScenario, find_curve
-from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.stop import MeasureSection
+from epuck_sim.scenario.scenario import MeasureSection, Scenario
 from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import CONTROLLERS, builtin_folder

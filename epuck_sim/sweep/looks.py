@@ -13,9 +13,9 @@ from epuck_sim.runs.reader import FinishedTrials
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.axes import group_rows
 from epuck_sim.scenario.keys import axis_key
-from epuck_sim.scenario.points import Point
+from epuck_sim.scenario.loader import Point
 from epuck_sim.statistics.sequential import FIRST_LOOK, Precision, look_contrast, look_interval, look_sizes
-from epuck_sim.statistics.statistic import Measured
+from epuck_sim.statistics.statistic import Measured, restrict
 from epuck_sim.util.messages import comma_list, counted
 
 

@@ -15,8 +15,7 @@ from epuck_sim.runs.compatibility import Share
 from epuck_sim.runs.reader import FinishedTrials
 from epuck_sim.runs.store import Outcome, Store
 from epuck_sim.scenario.axes import check_figure_axes, check_labels
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import Point, describe_axes, points
+from epuck_sim.scenario.loader import Point, describe_axes, load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.scheduler import OpenPool, TaskQueue, local_pool, schedule
 from epuck_sim.sweep.worker import Task, TrialTimeoutError

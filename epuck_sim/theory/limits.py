@@ -15,7 +15,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.particles.phase_response import Response, phase_shift
 from epuck_sim.statistics.survival import QUANTILE
-from epuck_sim.theory.graph import share
+from epuck_sim.theory.snapshots import share
 from epuck_sim.util.jit import jit
 
 CHAINS = 60  # number of chains that are run unless another is given, if they end soon enough

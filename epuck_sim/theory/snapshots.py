@@ -21,7 +21,8 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, ParticleStop, RandomAgents, ResponseSection, StartSection
 from epuck_sim.scenario.robots import ConeSignal, RadioSignal, RobotGroup
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.statistic import QUANTILE, wilson_interval
+from epuck_sim.statistics.statistic import wilson_interval
+from epuck_sim.statistics.survival import QUANTILE
 from epuck_sim.trial.embodied import start_poses
 
 

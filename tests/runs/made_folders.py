@@ -16,8 +16,7 @@ from epuck_sim.runs.database import sign
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.runs.store import Outcome, Store
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions

@@ -26,8 +26,7 @@ from epuck_sim.runs.database import ENTER_POINT
 from epuck_sim.runs.export import WRITERS, export
 from epuck_sim.runs.reader import Failure, Status, SweepTrials, TrialsByOrigin, read_points, read_status
 from epuck_sim.runs.store import Store
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.trial.model import run_trial, simulate

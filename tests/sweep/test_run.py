@@ -18,11 +18,10 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.compatibility import Share
 from epuck_sim.runs.reader import FinishedTrials, read_points, read_status
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_sizes
-from epuck_sim.statistics.statistic import measure_t_sync
+from epuck_sim.statistics.statistic import measure_t_sync, restrict
 from epuck_sim.sweep import scheduler
 from epuck_sim.sweep.looks import Looks
 from epuck_sim.sweep.run import SweepProgress, first_of_each_kind, missing_tasks, run_sweep

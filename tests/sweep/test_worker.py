@@ -7,8 +7,7 @@ import pytest
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.reader import read_points
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.sweep import run, worker
 from epuck_sim.sweep.run import run_sweep, time_trials
 from epuck_sim.sweep.worker import LIMIT_VARIABLE, Task, Watchdog, out_of_time, run_chunk
