@@ -17,9 +17,9 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.measure import Value
-from epuck_sim.runs.compatibility import WHOLE, read_share
 from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
 from epuck_sim.runs.folder import DATABASE, current_holder, database_of
+from epuck_sim.runs.share import WHOLE, read_share
 from epuck_sim.runs.sources import DIGESTS, read_digests
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.loader import RUN_SCENARIO, validate

@@ -13,15 +13,7 @@ from typing import Any, NamedTuple, Self
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.compatibility import (
-    WHOLE,
-    WITH_VALUES,
-    Share,
-    check_same_sweep,
-    read_share,
-    read_stored_points,
-    stored_point,
-)
+from epuck_sim.runs.compatibility import WITH_VALUES, check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
     ENTER_POINT,
     NULL,
@@ -42,6 +34,7 @@ from epuck_sim.runs.database import (
 )
 from epuck_sim.runs.folder import DATABASE, acquire, is_at
 from epuck_sim.runs.reader import FinishedTrials, measures_in, read_ends, read_finished
+from epuck_sim.runs.share import WHOLE, Share, read_share
 from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import Scenario

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import repeat
 from typing import NamedTuple
 
 from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import UNDETERMINED, Estimate
-from epuck_sim.runs.compatibility import WHOLE
 from epuck_sim.runs.reader import FinishedTrials
+from epuck_sim.runs.share import WHOLE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.axes import group_rows
 from epuck_sim.scenario.keys import axis_key
@@ -87,31 +86,36 @@ class Looks:
             raise StoreError(f"the folder is for share {store.share}; --until looks at all trials of a point: merge")
         self._store, self._points, self._finished = store, points, finished
         self.narrow = 0
+        groups = self._members = self._groups(points)
         self._last = [Look(0, UNDETERMINED, None, math.inf)] * len(points)
-        self._trials = [0] * len(points)
-        self._looks: dict[int, Iterator[Sequence[tuple[int, int]]]] = {}  # of its group, by the number of a point
-        for group in self._groups(points):
-            looks = self._look(group)
-            next(looks, None)
-            self._looks |= {point.number: looks for point in group}
+        self._trials, self._left = [0] * len(points), [0] * len(groups)
+        self._group = {point.number: place for place, group in enumerate(groups) for point in group}
+        self._looks = [self._look(group) for group in groups]
+        for place in range(len(groups)):
+            self._go_on(place)
         self._plan(points)
         return self._trials
 
     def end_trial(self, number: int) -> Sequence[tuple[int, int]]:
         """Take note that a trial of a point has ended, and return point and number of each trial to be added now."""
-        added = next(self._looks[number], ())
-        if added:
-            self._plan([self._points[each] for each, _ in added])
+        group = self._group[number]
+        self._left[group] -= 1
+        if self._left[group]:
+            return ()
+        added = self._go_on(group)
+        self._plan(self._members[group])
         return added
 
     def _plan(self, points: Sequence[Point]) -> None:
         self._store.plan({point.key: self._trials[point.number] for point in points})
 
-    def _look(self, group: Sequence[Point]) -> Iterator[Sequence[tuple[int, int]]]:
-        """Look at points until all intervals are narrow enough.
+    def _go_on(self, group: int) -> Sequence[tuple[int, int]]:
+        missing = next(self._looks[group], ())
+        self._left[group] = len(missing)
+        return missing
 
-        Yield the trials that are missing before a look, and then nothing for each of them that has ended but the last.
-        """
+    def _look(self, group: Sequence[Point]) -> Iterator[Sequence[tuple[int, int]]]:
+        """Look at points until all intervals are narrow enough; yield the trials that are missing before a look."""
         limit, before = group[0].scenario.trials, 0
         for size in look_sizes(limit):
             for point in group:
@@ -123,7 +127,6 @@ class Looks:
             ]
             if missing:
                 yield missing
-                yield from repeat((), len(missing) - 1)
             before = size
             for point, look in zip(group, self._look_at(group, size), strict=True):
                 self.narrow += look.is_narrow - self._last[point.number].is_narrow

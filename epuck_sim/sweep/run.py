@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.runs.compatibility import Share
 from epuck_sim.runs.reader import FinishedTrials
+from epuck_sim.runs.share import Share
 from epuck_sim.runs.store import Outcome, Store
 from epuck_sim.scenario.axes import check_figure_axes, check_labels
 from epuck_sim.scenario.loader import Point, describe_axes, load_scenario, points
