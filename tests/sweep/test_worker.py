@@ -242,7 +242,7 @@ def test_a_trial_that_takes_longer_is_cut(scenario: str) -> None:
 def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_left(monkeypatch) -> None:
     now, budgets = [0.0], []
 
-    def time_trial(point: Point, budget_s: float) -> run.TimedTrial:
+    def time_trial(point: Point, _: int, budget_s: float) -> run.TimedTrial:
         budgets.append(budget_s)
         now[0] += 2
         return run.TimedTrial(point.number, 2, False)
