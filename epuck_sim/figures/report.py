@@ -108,7 +108,7 @@ def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[N
         drawn = form.draw_figure()
     except EpuckSimError:
         return
-    identifier = "".join(letter if letter.isalnum() else "-" for letter in f"{name}-{quantity}")
+    identifier = "".join(letter if letter.isalnum() or letter in "_-" else "-" for letter in f"{name}-{quantity}")
     picture = to_svg(drawn, identifier)
     for key, value in (("id", identifier), ("role", "group"), ("aria-label", f"{quantity}: {name}")):
         picture.set(key, value)

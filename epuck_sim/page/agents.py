@@ -4,6 +4,7 @@ import base64
 import math
 from typing import Any
 
+from epuck_sim import elementary
 from epuck_sim.page.own import CURVE
 from epuck_sim.page.settings import Setting, fields_of, refuse, stops
 from epuck_sim.particles import neighbours
@@ -94,7 +95,7 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
 
 def _cosine_and_sine(angle_deg: float) -> tuple[float, float]:
     half = math.radians(angle_deg / 2)
-    return neighbours.FULL_CIRCLE_COS if angle_deg >= 360 else math.cos(half), math.sin(half)
+    return neighbours.FULL_CIRCLE_COS if angle_deg >= 360 else elementary.cos(half), elementary.sin(half)
 
 
 def _angles(scenario: ParticleScenario) -> tuple[float, ...]:
@@ -125,10 +126,9 @@ def agents_settings(scenario: ParticleScenario) -> list[Setting]:
     ]
     if is_free:
         sides = stops(10, 1000, also=[side_cm, 100])
-        counts = stops(
-            1, 10, step=1, also=[count, 20, *(int(each) for each in stops(10, 500) if isinstance(each, int))]
-        )
-        settings.insert(0, Setting("agents.count", "agents", "", counts, count, 20))
+        larger = [count, 20, *(int(each) for each in stops(10, 500) if isinstance(each, int))]
+        counts = [each for each in stops(1, 10, step=1, also=larger) if each > scenario.stop.reference]
+        settings.insert(0, Setting("agents.count", "agents", "", tuple(counts), count, 20))
         settings.append(Setting("space.side_cm", "side of the space", "cm", sides, side_cm, 100.0))
     return settings
 

@@ -7,6 +7,7 @@ compiles them, as it makes all code for another machine from then on; ziglang li
 import gzip
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
@@ -74,8 +75,12 @@ def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
     if find_spec("ziglang") is None:
         what = "controllers, sensors and response curves in files are compiled for a page by ziglang"
         raise ScenarioError(f'{scenario.name}: {what}: pip install "epuck-sim[page]"')
-    with ProcessPoolExecutor(1, get_context("spawn")) as executor:
-        return executor.submit(_compile, scenario).result()
+    try:
+        with ProcessPoolExecutor(1, get_context("spawn")) as executor:
+            return executor.submit(_compile, scenario).result()
+    except BrokenProcessPool as error:
+        said = "begin it with `if __name__ == '__main__':`, as it is imported where the page's files are compiled"
+        raise ScenarioError(f"{scenario.name}: what writes the page in your script must stand below; {said}") from error
 
 
 def _compile(scenario: EmbodiedScenario | ParticleScenario) -> bytes:

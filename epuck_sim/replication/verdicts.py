@@ -206,7 +206,8 @@ def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
 
     def reduced(series: Value) -> float | None:
         known = [each for each in series if each is not None] if isinstance(series, list) else []
-        return REDUCTIONS[name](known) if known else None
+        value = REDUCTIONS[name](known) if known else math.nan
+        return None if math.isnan(value) else value
 
     return [point._replace(measured=tuple(map(reduced, point.measured))) for point in points]
 

@@ -33,7 +33,7 @@ class StoredPoint(NamedTuple):
     scenario: str
     controllers: str
     """Controller of each group, a shipped one's name, or the name and the digest of the sources of a user's file, and
-    likewise those of sensors, and the picture of a floor; of agents, a user's response curve."""
+    likewise those of sensors, and the picture of a floor; of agents, a file of robots and a user's response curve."""
     measures: str  # by the name of each measure, its parameters and the measure itself, as controllers are stored
     share: str | None = None  # share of the sweep that the folder is for, as 3/40; None for the whole
 
@@ -128,14 +128,16 @@ def _with_effect(point: StoredPoint) -> dict[str, Any]:
         group["controller"] = next(stored)
     for sensor in (each for group in scenario.get("robots", ()) for each in group.get("sensors", {}).values()):
         sensor["file"] = next(stored)
+    start = scenario.get("start")
+    if isinstance(start, dict) and Path(start.get("like") or "").suffix:
+        start["like"] = next(stored, start["like"])
     for section, key in ((scenario.get("arena", {}).get("floor"), "picture"), (scenario.get("response"), "curve")):
         if section is not None and section.get(key) is not None:
             section[key] = next(stored, section[key])  # a shipped curve is stored with the scenario alone
     kinds = (scenario.get("robot"), *(group.get("kind") for group in scenario.get("robots", ())))
-    for section in (scenario.get("start"), *kinds):
-        for key in ("like", "kind"):
-            if isinstance(section, dict) and isinstance(section.get(key), str):
-                section[key] = Path(section[key]).name  # files may move
+    for section in kinds:
+        if isinstance(section, dict) and isinstance(section.get("kind"), str):
+            section["kind"] = Path(section["kind"]).name  # files may move
     return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
 
 

@@ -5,6 +5,7 @@ What somebody else's folder brings is not run unasked: a user trusts code by its
 
 import hashlib
 import os
+from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import count, starmap
@@ -17,7 +18,7 @@ from epuck_sim.control.loader import CONTROLLER, find_controller, find_sensor
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import RUN_SCENARIO, SCENARIO
+from epuck_sim.scenario.loader import RUN_SCENARIO, SCENARIO, robots_like
 from epuck_sim.scenario.particles import ParticleScenario, find_curve
 from epuck_sim.scenario.scenario import MeasureSection, Scenario
 from epuck_sim.scenario.yaml_io import write_yaml
@@ -51,7 +52,10 @@ def _all_sources(scenario: Scenario) -> Iterator[NamedSources]:
 
 
 def named_sources(scenario: Scenario) -> Iterator[NamedSources]:
-    """Yield names and sources of controllers, sensors in files, a floor's picture and a user's response curve."""
+    """Yield names and sources of controllers, sensors in files, a floor's picture, a user's response curve.
+
+    Agents that start like robots have those of the robots' file, and of what that names, with it.
+    """
     for name in scenario.controllers:
         yield name, {} if name in CONTROLLER.shipped() else find_controller(name).sources
     if isinstance(scenario, EmbodiedScenario):
@@ -60,6 +64,10 @@ def named_sources(scenario: Scenario) -> Iterator[NamedSources]:
         if (picture := scenario.arena.floor.picture) is not None:
             yield picture, {Path(picture): Path(picture).read_bytes()}
     if isinstance(scenario, ParticleScenario):
+        like = scenario.start.like
+        if like is not None and Path(like).suffix:
+            of_robots = named_sources(robots_like(like, scenario.name))
+            yield like, {Path(like): Path(like).read_bytes(), **ChainMap(*(dict(files) for _, files in of_robots))}
         curve = find_curve(scenario.response.curve)
         if curve.sources:
             yield curve.name, curve.sources

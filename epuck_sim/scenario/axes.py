@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range
-from epuck_sim.util.messages import comma_list, did_you_mean
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
 LOG_RATIO = 10.0  # ratio of the largest to the smallest value from which an axis has a logarithmic scale
@@ -112,9 +112,12 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
         choose_second_axis(rows, x, figure.y, "figure.y")
     check_panels(rows, x, figure.panels, "figure.panels")
     others = other_axes(rows, x)
-    for key in figure.base_case:
+    for key, value in figure.base_case.items():
         if key not in others:
             raise EpuckSimError(f"figure.base_case: {did_you_mean(key, others)}; other axes: {comma_list(others)}")
+        if all(row[key] != value for row in rows):
+            values = comma_list([short_repr(each) for each in {repr(row[key]): row[key] for row in rows}.values()])
+            raise EpuckSimError(f"figure.base_case: {key} is {short_repr(value)}; allowed: {values}")
 
 
 def check_labels(labels: Collection[str], axes: Collection[str], measures: Iterable[str], origin: str) -> None:

@@ -57,6 +57,13 @@ class TimingSection(ConfigModel):
         return 1000 // self.control_hz
 
 
+def noise_keys(given: Any) -> Any:
+    """Return the keys that `noise: off`, or `on`, stands for; what is neither as it is."""
+    if given in ("off", "OFF", "Off", False):
+        return {"wheel_speed": 0, "infrared_counts": 0}
+    return {} if given in ("on", "ON", "On", True) else given
+
+
 class NoiseSection(ConfigModel):
     """Noise of sensors and wheels; 0 switches one kind off, `noise: off` both."""
 
@@ -68,9 +75,7 @@ class NoiseSection(ConfigModel):
     @model_validator(mode="before")
     @classmethod
     def _on_or_off(cls, given: Any) -> Any:
-        if given in ("off", "OFF", "Off", False):
-            return {"wheel_speed": 0, "infrared_counts": 0}
-        return {} if given in ("on", "ON", "On", True) else given
+        return noise_keys(given)
 
 
 class SpreadSection(ConfigModel):

@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import Rows, with_ranges
 from epuck_sim.scenario.base import ends_in, refused_at
+from epuck_sim.scenario.embodied import noise_keys
 from epuck_sim.scenario.robot_kind import are_groups, without_brought_sensors
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -74,14 +76,27 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
             groups = [{**group, "sensors": value} for group in groups]
         return {**given, "robots": groups, "sensors": None}
     given = without_brought_sensors(given, key)
-    parts = key.split(".")
+    parts = _parameter_of_measure(given, key) or key.split(".")
     if len(parts) > MAX_PARTS:
         raise ScenarioError(f"{origin[:60]}...: a key of {len(parts)} parts; allowed: at most {MAX_PARTS}")
-    # a scenario has one group of robots by default
-    default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
-    result = _with({**default, **given}, parts, value, origin)
+    # a scenario has one group of robots by default, and agents reach their nearest neighbour
+    defaults: dict[str, Any] = {"robots": [{}], "neighbourhood": {"kind": "nearest"}}
+    result = _with({**{name: defaults[name] for name in parts[:1] if name in defaults}, **given}, parts, value, origin)
     assert isinstance(result, dict)  # a mapping changed is a mapping
     return result
+
+
+def _parameter_of_measure(given: Mapping[str, Any], key: str) -> list[str]:
+    """Return the parts of a key such as measures.0.mine.gap, whose measure is listed with a path; none for others."""
+    found = re.fullmatch(r"measures\.(\d+)\.(.+)\.(\w+)", key)
+    listed = given.get("measures")
+    if found is None or not isinstance(listed, list | tuple) or int(found[1]) >= len(listed):
+        return []
+    measure = listed[int(found[1])]
+    for name, parameters in measure.items() if isinstance(measure, Mapping) and len(measure) == 1 else ():
+        if found[2] in (name, name.rpartition(":")[2], Path(name).stem, (parameters or {}).get("as")):
+            return ["measures", found[1], name, found[3]]
+    return []
 
 
 def set_values(given: Mapping[str, Any], values: Mapping[str, Any], origin: str) -> dict[str, Any]:
@@ -91,20 +106,28 @@ def set_values(given: Mapping[str, Any], values: Mapping[str, Any], origin: str)
     return dict(given)
 
 
-def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
-    """Return `container` with `value` at the path `parts`; missing sections are added."""
+def _with(container: Any, parts: list[str], value: Any, origin: str, path: str = "") -> Any:
+    """Return `container`, which is at a path, with `value` at the path `parts` from there; missing sections are added.
+
+    What is given as a word, as kinds of robots and noise are, becomes the section for which it stands.
+    """
     if not parts:
         return value
     first, *rest = parts
+    if isinstance(container, str) and re.fullmatch(r"robot|robots\.\d+\.kind", path):
+        container = {"kind": container}
+    elif path == "noise":
+        container = noise_keys(container)
+    below = f"{path}.{first}".removeprefix(".")
     if isinstance(container, list | tuple):
         if first not in map(str, range(len(container))):
             raise ScenarioError(f"{origin}: {first!r} is not an index into a list of {len(container)}, counted from 0")
         index = int(first)
-        return [*container[:index], _with(container[index], rest, value, origin), *container[index + 1 :]]
+        return [*container[:index], _with(container[index], rest, value, origin, below), *container[index + 1 :]]
     if container is not None and not isinstance(container, Mapping):
         raise ScenarioError(f"{origin}: {first!r} is inside {short_repr(container)}, which has no keys")
     here = dict(container or {})
-    here[first] = _with(here.get(first), rest, value, origin)
+    here[first] = _with(here.get(first), rest, value, origin, below)
     return here
 
 
@@ -182,7 +205,8 @@ def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any
         return dict(given)  # which is refused where it is validated
     others = [{key: value for key, value in row.items() if key not in keys} for row in own]
     rows = [{**row, **added} for row in {repr(row): row for row in others}.values() for added in together]
-    return {**given, "sweep": {**sweep, "points": rows}}
+    others_in_grid = {"grid": {key: each for key, each in grid.items() if key not in keys}} if grid else {}
+    return {**given, "sweep": {**sweep, **others_in_grid, "points": rows}}
 
 
 def note_changes(given: Mapping[str, Any], changes: Sequence[str]) -> dict[str, Any]:

@@ -190,12 +190,20 @@ def complete(scenario: AnyScenario, origin: str, folder: Path | None = None) -> 
     return found
 
 
+def find_like(name: str, folder: Path | None) -> str:
+    """Return a shipped scenario's name as it is, or the path of a user's file, which may be in a folder."""
+    if folder is not None and (folder / name).is_file():
+        return str((folder / name).resolve())
+    return str(find_scenario(name).resolve()) if Path(name).suffix else name
+
+
 FILES: Mapping[str, Callable[[str, Path | None], str]] = {
     r"robots\.\d+\.controller": lambda name, folder: find_controller(name, folder).stored_name,
     r"(robots\.\d+\.)?sensors\.\w+(\.file)?": lambda name, folder: find_sensor(name, folder).stored_name,
     r"(robot|robots\.\d+\.kind)(\.kind)?": lambda name, folder: ROBOT.locate(name, folder).name,
     r"response\.curve": lambda name, folder: find_curve(name, folder).name,
     r"arena\.floor\.picture": find_picture,
+    r"start\.like": find_like,
 }
 """What finds files that values on an axis name, by patterns of keys: the name by which a file is found again."""
 
@@ -348,13 +356,9 @@ def robots_like(name: str, origin: str) -> EmbodiedScenario:
 
 def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -> StartSection:
     """Return the start of agents with the path of its scenario of robots, if that is a user's."""
-    like = scenario.start.like
-    assert like is not None
+    assert scenario.start.like is not None
     with refused_at(origin):
-        if folder is not None and (folder / like).is_file():
-            like = str((folder / like).resolve())
-        elif Path(like).suffix:
-            like = str(find_scenario(like).resolve())
+        like = find_like(scenario.start.like, folder)
     robots = robots_like(like, origin)
     width_cm, height_cm = robots.arena.width_cm, robots.arena.height_cm
     checks = {

@@ -303,7 +303,8 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
         values = np.full(1, np.nan)
     shapes = {(): "a number", (robots, *field.shape): f"a list of {robots}, one for each robot"}
     is_whole = np.issubdtype(field.base, np.integer)
-    if values.shape not in shapes or not np.isfinite(values).all() or (is_whole and (values % 1).any()):
+    is_integral = not (is_whole and ((values % 1).any() or (np.abs(values) >= 2.0**63).any()))
+    if values.shape not in shapes or not np.isfinite(values).all() or not is_integral:
         numbers = "whole numbers" if is_whole else "numbers"
         raise ValueError(f"{name} is {short_repr(given)}; allowed: {' or '.join(shapes.values())}, {numbers}")
     if name == "phase_ms" and controller.is_oscillator:

@@ -14,7 +14,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import Point, points
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents, StartSection
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.theory.limits import Pair, find_limit, measure_pair
+from epuck_sim.theory.limits import Limit, Pair, find_limit, measure_pair
 from epuck_sim.theory.regime import IN_LIMITS, Rise, Verdict, find_course, find_rise, judge, time_at
 from epuck_sim.theory.snapshots import GraphMeasures, changed_links, count_components, measure_graphs, take_snapshots
 
@@ -133,7 +133,7 @@ def _predictor(scenario: Scenario) -> Callable[[float], Prediction]:
         joined = snapshots[count_components(snapshots)[1] == 1]
         frozen = find_limit(response, threshold, joined, math.inf, jitter, IN_LIMITS)
         frozen_share = graph.joined.apply(lambda value: value * frozen.ended.value)
-        reason = _reason(verdict.verdict, graph, pair, rise)
+        reason = _reason(verdict.verdict, graph, pair, rise, fast)
 
     def place(name: str, hold: float) -> Estimate:
         if verdict.verdict == "no":
@@ -165,7 +165,7 @@ def _predictor(scenario: Scenario) -> Callable[[float], Prediction]:
     return at
 
 
-def _reason(verdict: str, graph: GraphMeasures, pair: Pair, rise: Rise) -> str:
+def _reason(verdict: str, graph: GraphMeasures, pair: Pair, rise: Rise, fast: Limit) -> str:
     if graph.joined.value > 0.999 and graph.reciprocity.value > 0.999:
         return "No regime: one cluster reaches all, and all links are reciprocal."
     clusters = (
@@ -173,7 +173,8 @@ def _reason(verdict: str, graph: GraphMeasures, pair: Pair, rise: Rise) -> str:
         f"({graph.links.value:.2g} links an agent, {cell_text(Share(graph.reciprocity.value))} reciprocal)"
     )
     if verdict == "no":
-        drives = "pulses pull leads back" if pair.lead < 0 else "renewed links join them all the same"
+        renewed = f"renewed links {'join them all the same' if fast.ended.value else 'do not join them either'}"
+        drives = "pulses pull leads back" if pair.lead < 0 else renewed
         return f"No regime: {clusters}, and {drives}."
     kept = f"{rise.peak:g} cycles of the same links take {math.exp(rise.log_ratio):.2g} times what {rise.minimum:g} do"
     if math.isnan(rise.minimum):
@@ -213,6 +214,8 @@ def _left_out(scenario: Scenario) -> tuple[str, ...]:
     notes = []
     if isinstance(scenario, EmbodiedScenario):
         notes.append("Robots are taken for point oscillators that move straight ahead; no trials have judged that.")
+        if any(group.poses is not None for group in scenario.robots):
+            notes.append("poses are as given: all snapshots are of these.")
         if scenario.faults:
             notes.append("faults are left out.")
     elif isinstance(scenario, ParticleScenario) and scenario.start != StartSection():

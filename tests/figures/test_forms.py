@@ -182,6 +182,7 @@ def test_panels_are_arranged_in_rows_that_the_width_has_room_for_with_numbers_be
 @given(st.lists(st.floats(1, 1e9), min_size=1, max_size=5), st.booleans(), st.sampled_from([1, -1]))
 @example([1e-9, 1.1e-9], False, 1)
 @example([0.0], False, 1)
+@example([1e-300, 5.0], True, 1)
 def test_levels_are_even_few_enough_and_enclose_all_values(values: list[float], is_log: bool, sign: int) -> None:
     given_values = np.array(values) if is_log else sign * np.array(values)
     levels = choose_levels(np.append(given_values, math.nan), is_log=is_log)

@@ -89,11 +89,11 @@ def test_many_trials_and_failures_make_a_short_page(tmp_path, html) -> None:
     assert len(many) < len(html) + 100_000
     assert many.count("gone ") == MOST_FAILURES
     assert "There are 200 more" in many
-    assert figures_of(many) == ["curves-T-sync", "violins-T-sync"]
+    assert figures_of(many) == ["curves-T_sync", "violins-T_sync"]
 
 
 def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_of_another(tmp_path, html) -> None:
-    assert figures_of(html) == ["curves-T-sync", "map-T-sync", "violins-T-sync"]
+    assert figures_of(html) == ["curves-T_sync", "map-T_sync", "violins-T_sync"]
     own = [set(re.findall(r' id="([^"]*)"', svg)) for svg in re.findall(r"<svg.*?</svg>", html, re.DOTALL)]
     assert [len(ids) > 20 for ids in own] == [True] * 3
     assert len(set.union(*own)) == sum(map(len, own))
@@ -105,7 +105,7 @@ def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_
     assert re.findall(r'(?:src|href)="(?!#|data:)|<script|<style(?! *>\n:root)', html) == []
     assert '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; ' in html
     store(tmp_path / "words", sweep({"noise": ["on", "off"]}, trials=2), lambda p: weibull(p, 50))
-    assert figures_of(make_page(tmp_path / "words")) == ["violins-T-sync"]
+    assert figures_of(make_page(tmp_path / "words")) == ["violins-T_sync"]
 
 
 def test_names_and_messages_stay_text(tmp_path, monkeypatch) -> None:
@@ -126,7 +126,7 @@ def test_series_and_measures_of_agents(tmp_path) -> None:
     scenario = load_scenario("particles", changes, ["agents.speed_cm_s=1,20"], measures=measures)
     run_sweep(scenario, tmp_path / "run", pool_here)
     html = make_page(tmp_path / "run")
-    assert figures_of(html) == ["curves-near-walls", "violins-near-walls", "series-order-parameter"]
+    assert figures_of(html) == ["curves-near_walls", "violins-near_walls", "series-order_parameter"]
 
 
 @needs_browser

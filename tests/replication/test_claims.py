@@ -86,6 +86,7 @@ def test_what_a_check_takes_is_of_series_and_powers_are_of_values_above_0() -> N
     (point,) = in_memory(sweep({SPEED: [1]}, trials=2), lambda _: ended([1, 2]))
     series, numbers = (point._replace(measured=values) for values in (([0.5, 1.0], [2.0]), (0.5, None)))
     assert taken(check(of="x", take="largest", above=1), [series])[0].measured == (1.0, 2.0)
+    assert taken(check(of="x", take="growth", above=1), [series])[0].measured == (None, None)
     for keys, has, said in [({}, series, "x is a series"), ({"take": "final"}, numbers, "x is no series")]:
         with pytest.raises(EpuckSimError, match=said):
             taken(check(of="x", above=1, **keys), [has])

@@ -60,6 +60,24 @@ def test_set_changes_one_value_later_settings_win_and_the_original_stays() -> No
     assert load_scenario(load_scenario("pair"), ["trials=7", "trials=8"]).trials == 8
 
 
+def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_path) -> None:
+    (tmp_path / "mine.py").write_text("def mine(simulation, offset=0.0):\n    return offset\n")
+    listed = [{f"{tmp_path}/mine.py": {"offset": 1.0}}, {"coverage": {"as": "seen", "cells": 4}}]
+    kilobots, of_group = ({"robots": [{"signal": {"kind": "radio"}, **kind}]} for kind in ({}, {"kind": "kilobot"}))
+    for sections, key, value, read in [
+        ({"noise": "off"}, "noise.wheel_speed", 0.5, lambda s: s.noise.wheel_speed),
+        ({"robot": "kilobot", **kilobots}, "robot.radius_cm", 1.7, lambda s: s.robot.radius_cm),
+        (of_group, "robots.0.kind.radius_cm", 1.7, lambda s: s.group_kinds[0].radius_cm),
+        ({"model": "particles"}, "k", 2, lambda s: s.neighbourhood.k),
+        ({"measures": listed}, "measures.0.mine.offset", 3, lambda s: s.measures[0].parameters["offset"]),
+        ({"measures": listed}, "measures.1.seen.cells", 2, lambda s: s.measures[1].parameters["cells"]),
+    ]:
+        assert read(load_scenario(sections, [f"{key}={value}"])) == value
+        assert read(points(load_scenario(sections, axes=[f"{key}={value}"]))[0].scenario) == value
+    kept = load_scenario({"noise": "off"}, ["noise.wheel_speed=0.5"]), load_scenario({"robot": "kilobot", **kilobots})
+    assert (kept[0].noise.infrared_counts, kept[1].robot.kind) == (0, "kilobot")
+
+
 def test_all_mistakes_are_named_at_once_each_with_the_origin() -> None:
     with pytest.raises(ScenarioError) as caught:
         validate({"model": "particles", "seed": -1, "agents": {"count": 0}, "robots": []}, "here")

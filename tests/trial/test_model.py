@@ -14,7 +14,9 @@ from pydantic import Field
 
 import epuck_sim
 from epuck_sim import ParticleSimulation, Scenario, ScenarioError, Simulation, load_scenario, points, run_trial
+from epuck_sim.errors import StoreError
 from epuck_sim.order_parameter import METRICS, Firing
+from epuck_sim.runs.compatibility import check_same_sweep, stored_point
 from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES, write_scenario
 from epuck_sim.scenario.scenario import StopSection
@@ -137,6 +139,12 @@ def test_files_of_robots_are_found_beside_the_scenario(tmp_path):
     assert scenario.start.like == str(tmp_path / "robots.yaml")
     robots = Simulation(str(tmp_path / "robots.yaml"), 1)
     assert simulate(scenario, 1).positions().tolist() == robots.last_step.poses[:, :2].tolist()
+    axis = points(load_scenario(tmp_path / "agents.yaml", axes=["start.like=robots.yaml"]))
+    assert [point.scenario.start.like for point in axis] == [str(tmp_path / "robots.yaml")]
+    before = stored_point(axis[0])
+    (tmp_path / "robots.yaml").write_text("robots: [{count: 3, placement: grid}]\n")
+    with pytest.raises(StoreError, match=r"start.like: 'robots.yaml with digest"):
+        check_same_sweep(tmp_path, [before], [stored_point(axis[0])])
 
 
 @pytest.mark.parametrize("metric", METRICS)

@@ -202,6 +202,9 @@ def choose_levels(values: FloatArray, *, is_log: bool) -> FloatArray:
         first, last = math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 1
         if last - first <= MAX_LEVELS:
             break
+    while last - first > MAX_LEVELS:
+        step *= 2
+        first, last = math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 1
     levels: FloatArray = np.arange(first, last + 1, dtype=np.float64) * step
     return np.round(levels, 9) if is_log else levels
 
