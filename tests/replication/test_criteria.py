@@ -159,9 +159,6 @@ def test_little_is_not_taken_for_much() -> None:
     assert knows_nothing(ratio([(lognormal(-5, 20, 1), enough)]))
 
 
-# Tests of whole distributions
-
-
 COARSE = st.lists(st.integers(1, 40), min_size=5, max_size=15)
 
 

@@ -320,9 +320,6 @@ def test_why_there_is_none_is_said_of_few_speeds_without_the_one_at_rest_and_whe
     )
 
 
-# V_f
-
-
 def level_beyond(speed: float, power: float = 2):
     """Return T_sync that falls like a power of the speed to 50 cycles at `speed`, and is level from there on."""
     return lambda v: 50 * max(1, (speed / v) ** power)

@@ -164,9 +164,6 @@ def test_the_exponents_are_next_to_the_thesis_s(capsys, couplings) -> None:
         assert row[1] == str(comparison.exponent)
 
 
-# Laws
-
-
 PARAMETERS = {
     "epsilon": np.array([0.1, 0.05, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]),
     "L": np.array([60.0, 60, 60, 40, 90, 60, 60, 60, 60]),

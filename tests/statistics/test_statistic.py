@@ -104,9 +104,6 @@ def test_resamples_are_widened_as_the_variance_of_few_trials_about_their_own_mea
     assert below_0 == pytest.approx([-math.sqrt(2), 0, math.sqrt(2)])
 
 
-# Shares
-
-
 def test_intervals_of_shares_and_of_their_differences_are_those_published():
     for true, trials, interval in (  # Newcombe 1998, Statistics in Medicine 17:857, table I, method 3
         (81, 263, (0.2553, 0.3662)),
@@ -219,9 +216,6 @@ def of_measure(*values) -> SimpleNamespace:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     return store(tmp_path_factory.mktemp("mixed"), MIXED, mixed)
-
-
-# T_sync
 
 
 def test_the_numbers_are_those_of_the_survival_functions_on_the_same_trials() -> None:

@@ -220,9 +220,6 @@ def made(*settings: str):
     return points(load_scenario("pair", settings, ["robots.0.parameters.speed_cm_s=1,2,4,8"]))
 
 
-# Pilots: trials of all points are timed, in random order, until there are 20 or time is up
-
-
 def test_every_point_is_timed_as_often_if_there_is_time_and_no_trial_is_cut() -> None:
     timed = time_trials(made("stop.max_cycles=2"), 60)
     assert sorted(each.point for each in timed) == sorted(5 * [0, 1, 2, 3])
