@@ -20,7 +20,7 @@ import pytest
 import epuck_sim
 from epuck_sim import Simulation, load_scenario, points, read_recording
 from epuck_sim.figures import report
-from epuck_sim.recording import live, viewer
+from epuck_sim.recording import viewer
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial, simulate
 from tests.cli.commands import call
@@ -146,8 +146,8 @@ def test_the_commands_shown_run(page: Path, monkeypatch) -> None:
     monkeypatch.setenv("DISPLAY", ":0")
     for way in ("show", "serve", "draw_screenshot"):
         monkeypatch.setattr(viewer, way, lambda path, *_: shown.append(read_recording(path).scenario.name))
-    monkeypatch.setattr(live, "live_viewer", lambda *_: nullcontext((no_viewer, 0)))
-    monkeypatch.setattr(live, "live", lambda *_, **__: nullcontext(lambda *_: None))
+    monkeypatch.setattr(viewer, "live_viewer", lambda *_: nullcontext((no_viewer, 0)))
+    monkeypatch.setattr(viewer, "live", lambda *_, **__: nullcontext(lambda *_: None))
     note_figures(monkeypatch)  # pictures are looked at in tests/figures
     monkeypatch.setattr(report, "_draw", lambda *_: ())
     write_files("README.md", str(page))
