@@ -20,6 +20,7 @@ from epuck_sim.arrays import ByteArray, IndexArray, IntArray
 from epuck_sim.particles.motion import advance_all, compute_positions, first_to_end, time_of_end
 from epuck_sim.particles.neighbours import find_receivers
 from epuck_sim.particles.oscillators import (
+    SIMULTANEITY_CYCLES,
     are_phases_within,
     earliest_firing,
     firing_now,
@@ -128,7 +129,7 @@ def fire(
             received[received_count] = other
             received_count += 1
             phase = phase_after_pulse(response, instant.curve, addresses, phase)
-            if phase >= 1.0:
+            if phase >= 1.0 - SIMULTANEITY_CYCLES:  # `additive` gives back what it took, but for a rounding
                 fired[fired_count] = other
                 fired_count += 1
             else:

@@ -158,7 +158,7 @@ def run_chain(
                 place = phases[other] * last
                 index = min(int(place), last - 1)
                 phases[other] = after[index] + (place - index) * (after[index + 1] - after[index])
-                if phases[other] >= 1:
+                if phases[other] >= 1 - SIMULTANEOUS:
                     fired[count] = other
                     count += 1
             sent += 1

@@ -272,7 +272,7 @@ class NaiveModel:
                     is_exact = response.curve == "sawtooth"  # and kappa = 1: exactly 1
                     margins.append(abs(after - 1) or float(is_exact))
                 self.phases[receiver] = min(max(after, 0.0), 1.0)
-                if after >= 1:
+                if after >= 1 - SIMULTANEITY_CYCLES:
                     fired.add(receiver)
                     waiting.add(receiver)
         for agent in fired:
