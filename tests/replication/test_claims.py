@@ -143,9 +143,6 @@ def test_what_needs_no_trials_says_so_and_an_identity_that_fails_is_contradicted
         assert judge_claims([claimed(run_check(formula, []), identity="why")])[0].verdict == verdict
 
 
-# Growth of a small perturbation, on series that are made up
-
-
 CYCLES = np.arange(300)
 
 

@@ -164,9 +164,6 @@ NEVER = {**FASTER, "where": {}, "within": [0.192, 0.194]}  # the ratio is 0.193,
 AT_ONCE = {**FASTER, "where": {}, "below": 1}
 
 
-# Trials that are added where claims are undecided, by looks that are counted
-
-
 def trials(folder: Path) -> set[int]:
     return {len(point.seeds) for point in read_points(folder / "runs/tiny")}
 

@@ -182,8 +182,6 @@ def edit(folder: Path, statement: str, *values: Any) -> None:
             sign(connection, table)
 
 
-# Folders in which nobody looks at what became of trials
-
 CONTROLLER = "robots.0.controller"
 
 FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
