@@ -210,8 +210,7 @@ def test_what_is_left_out_is_said_and_robots_that_never_flash_are_refused() -> N
     assert "start is left out" in notes
     alone = predict(load_scenario({**given, "neighbourhood": {"kind": "range", "radius_cm": 0.01}}))
     assert "renewed links do not join them either" in alone.reason
-    poses = [[20, 30, 0], [40, 30, 3]]
-    assert "poses are as given" in " ".join(predict(load_scenario({"robots": [{"poses": poses}]})).notes)
+    assert "poses are as given" in " ".join(predict(load_scenario("pair")).notes)
 
 
 def test_points_that_differ_in_speed_alone_share_what_does_not_depend_on_it() -> None:
