@@ -17,13 +17,13 @@ from epuck_sim.display.html import in_words
 from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
 from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import StopSection
-from epuck_sim.sweep.run import SweepProgress
 from epuck_sim.sweep.worker import AtWork, never_returned
 from epuck_sim.trial.result import WINDOW, HopelessnessWatch, TrialState
 from epuck_sim.util.messages import counted
 
-if TYPE_CHECKING:  # films are a neighbour
+if TYPE_CHECKING:  # films are a neighbour, and single trials need no pools
     from epuck_sim.overhead.camera import ProgressWrapper
+    from epuck_sim.sweep.run import SweepProgress
 
 REFRESH_S = 0.2  # seconds between two updates on a terminal
 LINE_S = 10.0  # seconds between two lines in a log
@@ -156,7 +156,7 @@ class SweepProgressBar(_ProgressLine):
         self.points: Sequence[Point] = ()
         """Points of the sweep; it is said of each of them, once, that its trials reach their limit."""
 
-    def __call__(self, progress: SweepProgress) -> None:
+    def __call__(self, progress: "SweepProgress") -> None:
         """Show the progress, if it is time to."""
         self.progress = progress
         if self.points and progress.last and progress.last.result:
@@ -178,7 +178,7 @@ class SweepProgressBar(_ProgressLine):
             for line in describe_at_limit([PointAtLimit(point.number, point.axes, int(count))]):
                 print_stderr(line)
 
-    def _words(self, progress: SweepProgress, now: float) -> str:
+    def _words(self, progress: "SweepProgress", now: float) -> str:
         failed = f", {progress.failed} failed" if progress.failed else ""
         censored = "" if progress.censored is None else f", {progress.censored} censored"
         words = f"{progress.stored} of {progress.trials} trials{censored}{failed}"
