@@ -201,7 +201,13 @@ class Record:
         return value.item() if isinstance(value, np.generic) else value
 
     def __setattr__(self, name: str, value: object) -> None:
-        self._field(name)[0] = value
+        kept = self._field(name)
+        before = kept.copy()
+        kept[0] = value
+        if kept.dtype.kind in "iub" and not np.all(kept[0] == value):
+            kept[:] = before
+            allowed = "true and false" if kept.dtype == np.bool_ else "whole numbers"
+            raise ValueError(f"{name} is {value!r}; allowed: {allowed}")
 
     def __reduce__(self) -> str:
         raise TypeError(f"{self._kind} of a robot cannot be copied; make another TestRobot")

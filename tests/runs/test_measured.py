@@ -114,9 +114,6 @@ def test_a_folder_is_refused_to_other_measures(folder, mine, tmp_path):
     assert [point.measured for point in read_points(folder, "Counter")] == [(1.0,)]
 
 
-# Measures that are added: stored trials are simulated again for them, and must be the same
-
-
 def run(folder, *measures):
     return run_sweep(agents_sweep(measures), folder, pool_here)
 

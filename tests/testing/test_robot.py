@@ -88,6 +88,9 @@ def test_arrays_of_the_wrong_shape_and_what_is_no_number_are_refused(mine):
     with pytest.raises(ValueError, match="pulses is -1; allowed: 0 to"):
         robot.step()
     robot.pulses = 0
+    for name, cut in (("pulses", 1.5), ("new_picture", "no")):
+        with pytest.raises(ValueError, match=f"{name} is {cut!r}; allowed: "):
+            setattr(robot, name, cut)
     with pytest.raises(ValueError, match=r"steps is 1\.5; allowed: whole numbers from 0"):
         robot.step(1.5)
     for name in ("step_ms", "pixels"):
