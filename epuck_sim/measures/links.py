@@ -68,7 +68,7 @@ class LinkLife(Links, Share):
     def take(self, links: IntArray) -> None:
         if self._before is not None:
             self._part += len(self._before)
-            self._whole += len(np.setdiff1d(self._before, links, assume_unique=True))
+            self._whole += len(self._before) - len(np.intersect1d(self._before, links, assume_unique=True))
         self._before = links
 
 
