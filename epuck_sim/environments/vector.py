@@ -244,7 +244,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
     def __getstate__(self) -> dict[str, Any]:
         """Refuse copies in the middle of an episode: a simulation's copy does not repeat the actions of agents."""
         if any(simulation.steps > 1 for simulation in self.simulations):
-            raise ValueError("an episode is under way, of which there is no copy; copy an environment before reset()")
+            raise ValueError("an episode is under way, of which there is no copy; copy it before its first step")
         return vars(self)
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -129,7 +129,7 @@ def _with_effect(point: StoredPoint) -> dict[str, Any]:
     for sensor in (each for group in scenario.get("robots", ()) for each in group.get("sensors", {}).values()):
         sensor["file"] = next(stored)
     start = scenario.get("start")
-    if isinstance(start, dict) and Path(start.get("like") or "").suffix:
+    if isinstance(start, dict) and Path(start.get("like") or "").is_absolute():
         start["like"] = next(stored, start["like"])
     for section, key in ((scenario.get("arena", {}).get("floor"), "picture"), (scenario.get("response"), "curve")):
         if section is not None and section.get(key) is not None:

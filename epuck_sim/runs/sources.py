@@ -65,7 +65,7 @@ def named_sources(scenario: Scenario) -> Iterator[NamedSources]:
             yield picture, {Path(picture): Path(picture).read_bytes()}
     if isinstance(scenario, ParticleScenario):
         like = scenario.start.like
-        if like is not None and Path(like).suffix:
+        if like is not None and Path(like).is_absolute():  # a user's file
             of_robots = named_sources(robots_like(like, scenario.name))
             yield like, {Path(like): Path(like).read_bytes(), **ChainMap(*(dict(files) for _, files in of_robots))}
         curve = find_curve(scenario.response.curve)

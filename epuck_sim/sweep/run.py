@@ -137,9 +137,11 @@ def first_of_each_kind(
     """Return a missing one of the trials wanted for each kind of scenario that is compiled by itself."""
     kinds: dict[tuple[str, ...], Task] = {}
     for point, trials in zip(points, wanted, strict=True):
+        if point.scenario.compiled in kinds:
+            continue
         first = next(finished.missing(point.number, trials), None)
         if first is not None:
-            kinds.setdefault(point.scenario.compiled, _task(point, trials[first], interpret))
+            kinds[point.scenario.compiled] = _task(point, trials[first], interpret)
     return list(kinds.values())
 
 
@@ -214,7 +216,7 @@ def time_trials(points: Sequence[Point], budget_s: float) -> list[TimedTrial]:
     for trial in range(math.ceil(ENOUGH_TIMED / len(points))):
         for place in order:
             left = end - time.perf_counter()
-            if left <= 0:
+            if left <= 0 or (trial and len(timed) >= ENOUGH_TIMED):
                 return timed
             timed.append(_time_trial(points[place], trial, left))
     return timed

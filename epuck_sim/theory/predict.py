@@ -214,7 +214,7 @@ def _left_out(scenario: Scenario) -> tuple[str, ...]:
     notes = []
     if isinstance(scenario, EmbodiedScenario):
         notes.append("Robots are taken for point oscillators that move straight ahead; no trials have judged that.")
-        if any(group.poses is not None for group in scenario.robots):
+        if all(group.poses is not None for group in scenario.robots):
             notes.append("poses are as given: all snapshots are of these.")
         if scenario.faults:
             notes.append("faults are left out.")
