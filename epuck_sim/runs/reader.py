@@ -60,6 +60,11 @@ class PointTrials(NamedTuple):
 class SweepTrials(list[PointTrials]):
     """The points of a sweep, in its order, with their trials; notebooks show them as a table."""
 
+    @property
+    def of(self) -> str | None:
+        """Name of the measure that was asked for; None if none was."""
+        return self[0].of if self else None
+
     def to_pandas(self) -> "pandas.DataFrame":
         """Return a DataFrame of pandas with a row for each trial.
 

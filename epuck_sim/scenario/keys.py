@@ -9,7 +9,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import Rows, with_ranges
 from epuck_sim.scenario.base import ends_in, refused_at
 from epuck_sim.scenario.embodied import noise_keys
-from epuck_sim.scenario.robot_kind import are_groups, without_brought_sensors
+from epuck_sim.scenario.robot_kind import are_groups, as_section, without_brought_sensors
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.messages import short_repr
@@ -114,8 +114,8 @@ def _with(container: Any, parts: list[str], value: Any, origin: str, path: str =
     if not parts:
         return value
     first, *rest = parts
-    if isinstance(container, str) and re.fullmatch(r"robot|robots\.\d+\.kind", path):
-        container = {"kind": container}
+    if re.fullmatch(r"robot|robots\.\d+\.kind", path):
+        container = as_section(container)
     elif path == "noise":
         container = noise_keys(container)
     below = f"{path}.{first}".removeprefix(".")

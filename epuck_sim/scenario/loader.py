@@ -214,9 +214,10 @@ def _finder(key: str) -> Callable[[str, Path | None], str] | None:
 
 def _map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
     """Return the value of an axis with `change(key, name)` instead of each file that it, or a key in it, names."""
-    if isinstance(value, str) and _finder(key) is not None:
+    names_files = _finder(key) is not None
+    if names_files and isinstance(value, str):
         return change(key, value)
-    if isinstance(value, Mapping) and re.fullmatch(r".*sensors\.\d+", key):  # a sensor in a list, with parameters
+    if names_files and isinstance(value, Mapping) and re.search(r"sensors\.\d+$", key):  # in a list, with parameters
         return {change(key, str(name)): each for name, each in value.items()}
     if isinstance(value, Mapping):
         return {name: _map_files(f"{key}.{name}", each, change) for name, each in value.items()}

@@ -178,7 +178,7 @@ def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> d
 
 def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[str, Any]]:
     """Return a section `robot` with the path of its file, and the sensors that the file brings."""
-    section = _as_section(robot)
+    section = as_section(robot)
     if not _needs_file(section):
         return section, {}
     with refused_at(where):
@@ -202,13 +202,13 @@ def without_brought_sensors(given: Mapping[str, Any], key: str) -> Mapping[str, 
 
 
 def _sensors_of(robot: Any) -> Mapping[str, Any]:
-    section = _as_section(robot)
+    section = as_section(robot)
     with suppress(ScenarioError):
         return find_robot(section["kind"]).sensors if isinstance(section, Mapping) else {}
     return {}
 
 
-def _as_section(robot: Any) -> Any:
+def as_section(robot: Any) -> Any:
     """Return a section `robot`, also for a name alone."""
     return {"kind": robot} if isinstance(robot, str) else robot
 
@@ -278,7 +278,7 @@ class RobotKind(ConfigModel):
     @model_validator(mode="before")
     @classmethod
     def _start_from_kind(cls, given: Any) -> Any:
-        section = _as_section(given)
+        section = as_section(given)
         if not _needs_file(section):
             return section
         try:
