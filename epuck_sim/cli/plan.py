@@ -16,7 +16,7 @@ from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.scenario.loader import RUN_SCENARIO, Point
 from epuck_sim.statistics.planning import TrialPlan
 from epuck_sim.statistics.statistic import Measured, estimate_mean
-from epuck_sim.sweep.run import time_trials
+from epuck_sim.sweep.demand import time_trials
 from epuck_sim.util.messages import counted
 
 

@@ -301,7 +301,7 @@ def plan(
     from epuck_sim.runs.reader import read_points
     from epuck_sim.scenario.loader import points as find_points
     from epuck_sim.statistics.planning import plan_trials
-    from epuck_sim.sweep.run import check_sweep
+    from epuck_sim.sweep.demand import check_sweep
     from epuck_sim.sweep.scheduler import available_cores
 
     folder = Path(sweep)

@@ -36,7 +36,7 @@ def check(
     """
     from epuck_sim.runs.sources import is_trusted, run_folder_of
     from epuck_sim.scenario.loader import RUN_SCENARIO, points, write_scenario
-    from epuck_sim.sweep.run import check_sweep, describe_size
+    from epuck_sim.sweep.demand import check_sweep, describe_size
 
     if (folder := run_folder_of(scenario)) is not None and not is_trusted(folder):
         changed = any((settings, axes, controller, quick))

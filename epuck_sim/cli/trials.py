@@ -205,7 +205,8 @@ def sweep_into(
 ) -> None:
     """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
     from epuck_sim.sweep.cluster import DaskCluster
-    from epuck_sim.sweep.run import check_memory, describe_size, run_sweep
+    from epuck_sim.sweep.demand import check_memory, describe_size
+    from epuck_sim.sweep.run import run_sweep
     from epuck_sim.sweep.scheduler import available_cores, local_pool
 
     _note_other_versions(folder)

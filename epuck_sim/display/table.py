@@ -7,7 +7,6 @@ import csv
 import io
 import math
 import textwrap
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
@@ -15,6 +14,7 @@ from xml.etree.ElementTree import Element
 from epuck_sim.display.html import element, to_html
 from epuck_sim.display.html import table as html_table
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
+from epuck_sim.util.messages import shortest_endings
 
 CSV_DIGITS, AXIS_DIGITS = 6, 15  # significant digits in CSV of numbers, and of values of axes, which tell rows apart
 GAP = 2  # number of blanks between the columns of a terminal
@@ -119,18 +119,6 @@ def cell_text(cell: Any) -> str:
     if isinstance(cell, list):
         return f"{len(cell)} values"
     return significant(cell) if isinstance(cell, float) else str(cell)
-
-
-def shortest_endings(keys: Iterable[str], separator: str = ".") -> dict[str, str]:
-    """Return the shortest ending of each key, or path, that none of the others has.
-
-    >>> shortest_endings(["robots.0.count", "robots.1.count", "arena.width_cm"])
-    {'robots.0.count': '0.count', 'robots.1.count': '1.count', 'arena.width_cm': 'width_cm'}
-    """
-    parts = {key: key.split(separator) for key in keys}
-    endings = {key: [separator.join(own[-n:]) for n in range(1, len(own) + 1)] for key, own in parts.items()}
-    uses = Counter(ending for own in endings.values() for ending in own)
-    return {key: next((ending for ending in own if uses[ending] == 1), key) for key, own in endings.items()}
 
 
 def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:

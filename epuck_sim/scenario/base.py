@@ -38,7 +38,7 @@ def check_range(key: str, value: float | None, least: float, most: float, why: s
 class ConfigModel(BaseModel):
     """A section of a scenario: it has no unknown keys and no NaN, and cannot be changed."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     later_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that came later; seeds of resamples leave out their defaults, so that earlier folders keep their numbers."""

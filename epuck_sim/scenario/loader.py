@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, overload
 
 from epuck_sim.control.loader import find_controller, find_sensor
-from epuck_sim.display.table import shortest_endings
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario import keys
 from epuck_sim.scenario.arena import find_picture
@@ -25,7 +24,7 @@ from epuck_sim.scenario.scenario import AnyScenario, Scenario, require_model
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
-from epuck_sim.util.messages import natural_order, short_repr, storable
+from epuck_sim.util.messages import natural_order, short_repr, shortest_endings, storable
 from epuck_sim.util.seeds import point_seed
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}

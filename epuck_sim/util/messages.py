@@ -2,6 +2,7 @@
 
 import difflib
 import re
+from collections import Counter
 from collections.abc import Iterable
 from numbers import Integral
 
@@ -67,6 +68,18 @@ def short_repr(value: object) -> str:
     """Return the repr of a value, cut to 60 characters."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def shortest_endings(keys: Iterable[str], separator: str = ".") -> dict[str, str]:
+    """Return the shortest ending of each key, or path, that none of the others has.
+
+    >>> shortest_endings(["robots.0.count", "robots.1.count", "arena.width_cm"])
+    {'robots.0.count': '0.count', 'robots.1.count': '1.count', 'arena.width_cm': 'width_cm'}
+    """
+    parts = {key: key.split(separator) for key in keys}
+    endings = {key: [separator.join(own[-n:]) for n in range(1, len(own) + 1)] for key, own in parts.items()}
+    uses = Counter(ending for own in endings.values() for ending in own)
+    return {key: next((ending for ending in own if uses[ending] == 1), key) for key, own in endings.items()}
 
 
 def natural_order(name: str) -> list[tuple[str, int]]:

@@ -121,7 +121,7 @@ def test_check_and_sweeps_say_what_points_and_trials_take_and_too_much_memory_is
     assert result.exit_code == 2
     assert "  model: 'particles' in the folder, 'embodied' now\n" in result.stderr
     monkeypatch.setattr("epuck_sim.util.machine.available_bytes", lambda: 1000)
-    monkeypatch.setattr("epuck_sim.sweep.run.available_bytes", lambda: 1000)
+    monkeypatch.setattr("epuck_sim.sweep.demand.available_bytes", lambda: 1000)
     (tmp_path / "new").mkdir()
     message = refused("run", "thesis", *set_to(*LARGE[:3]), "--out", tmp_path / "new" / "large", "--workers", "2")
     assert "on each of 2 workers needs about 211 MB of memory, and 1 kB are available here" in message

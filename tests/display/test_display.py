@@ -18,9 +18,10 @@ from epuck_sim import ParticleSimulation, load_scenario
 from epuck_sim.arena import make_arena, make_floor
 from epuck_sim.display.arena_svg import DARK, LIT, draw_arena
 from epuck_sim.display.html import element, table, to_html
-from epuck_sim.display.table import Row, Share, Table, cell_text, shortest_endings
+from epuck_sim.display.table import Row, Share, Table, cell_text
 from epuck_sim.estimate import Estimate, significant
 from epuck_sim.trial.model import run_trial, simulate
+from epuck_sim.util.messages import shortest_endings
 
 SQUARE = np.array([[10.0, 10.0], [20.0, 10.0], [20.0, 20.0], [10.0, 20.0]])
 

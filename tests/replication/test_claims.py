@@ -32,7 +32,7 @@ from epuck_sim.replication.verdicts import (
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.loader import Point, points
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.sweep.run import check_sweep
+from epuck_sim.sweep.demand import check_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from tests.runs.made_folders import COUNT, COUPLING, SPEED, ended, in_memory, sweep
 

@@ -8,8 +8,9 @@ import pytest
 from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.reader import read_points
 from epuck_sim.scenario.loader import Point, load_scenario, points
-from epuck_sim.sweep import run, worker
-from epuck_sim.sweep.run import run_sweep, time_trials
+from epuck_sim.sweep import demand, worker
+from epuck_sim.sweep.demand import time_trials
+from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.worker import LIMIT_VARIABLE, Task, Watchdog, out_of_time, run_chunk
 from epuck_sim.trial.model import run_trial, simulate
 from tests.cli.commands import called
@@ -239,13 +240,13 @@ def test_a_trial_that_takes_longer_is_cut(scenario: str) -> None:
 def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_left(monkeypatch) -> None:
     now, budgets = [0.0], []
 
-    def time_trial(point: Point, _: int, budget_s: float) -> run.TimedTrial:
+    def time_trial(point: Point, _: int, budget_s: float) -> demand.TimedTrial:
         budgets.append(budget_s)
         now[0] += 2
-        return run.TimedTrial(point.number, 2, False)
+        return demand.TimedTrial(point.number, 2, False)
 
-    monkeypatch.setattr(run.time, "perf_counter", lambda: now[0])
-    monkeypatch.setattr(run, "_time_trial", time_trial)
+    monkeypatch.setattr(demand.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(demand, "_time_trial", time_trial)
     assert len(time_trials(made(), 5)) == 3
     assert budgets == [0, 5, 3, 1]
 

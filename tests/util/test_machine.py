@@ -10,7 +10,7 @@ import pytest
 
 from epuck_sim import Simulation, film_trial, load_scenario, points
 from epuck_sim.errors import FilmError, PortError, ScenarioError
-from epuck_sim.sweep.run import check_memory
+from epuck_sim.sweep.demand import check_memory
 from epuck_sim.util import machine
 from epuck_sim.util.machine import HOST, check_port, free_port, signals
 
