@@ -55,7 +55,8 @@ class _Talk(Series):
 
     def say(self, speaker: int) -> int:
         """Return one of the words that somebody knows, drawn at random."""
-        return int(self._random.choice(np.flatnonzero(self.knows[speaker])))
+        known = np.flatnonzero(self.knows[speaker])
+        return int(known[self._random.integers(len(known))])
 
     def hear(self, hearer: int, word: int) -> None:
         """Change what somebody knows who hears a word."""

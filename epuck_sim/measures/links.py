@@ -15,6 +15,8 @@ import numpy as np
 from epuck_sim.arrays import IntArray
 from epuck_sim.measures.common import Series, Share, Shipped, allowed, check_sight, one_of
 
+NO_LINKS: IntArray = np.zeros(0, np.int64)
+
 
 class Links(Shipped):
     """What all measures of links share: the links of each cycle."""
@@ -25,19 +27,19 @@ class Links(Shipped):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._population = int(self.simulation.scenario.population)
-        self._seen: list[IntArray] = []
+        self._seen = NO_LINKS
         if not self.has_bodies:
             self.simulation.neighbour_links()  # compiles what finds them before any clock runs
 
     def stretch(self, stretch: Any, _: Any) -> None:
         _, looks, lit = stretch.sightings.T
         if len(looks):
-            self._seen.append(np.unique(lit * self._population + looks))
+            self._seen = np.union1d(self._seen, lit * self._population + looks)
 
     def cycle(self, _: Any, __: Any) -> None:
         if self.has_bodies:
-            self.take(np.unique(np.concatenate([np.zeros(0, np.int64), *self._seen])))
-            self._seen.clear()
+            self.take(self._seen)
+            self._seen = NO_LINKS
         else:
             self.take(self.simulation.neighbour_links())
 
@@ -90,15 +92,17 @@ def degrees(links: IntArray, population: int, direction: str) -> IntArray:
 
 
 def component_sizes(links: IntArray, population: int, connection: str) -> IntArray:
-    """Return the sizes of the components of the graph with these links, (links,) numbers, in no order.
+    """Return the sizes of the components of the graph with these links, (links,) ascending numbers, in no order.
 
     In a weak component links count as if they led both ways; in a strong one each reaches each along links.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
-    ends = np.divmod(links, population)
-    graph = csr_array((np.ones(len(links), np.int8), ends), shape=(population, population))
+    # of the types to which SciPy would convert them
+    receivers = (links % population).astype(np.int32)
+    rows = np.searchsorted(links, np.arange(population + 1) * population).astype(np.int32)
+    graph = csr_array((np.ones(len(links)), receivers, rows), shape=(population, population))
     _, component = connected_components(graph, directed=True, connection=connection)
     return np.bincount(component)
 
@@ -176,7 +180,7 @@ class SpanningTime(Links):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._together = np.zeros(0, np.int64)
+        self._together = NO_LINKS
 
     def take(self, links: IntArray) -> None:
         if not self._spans:
