@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, TypeV
 
 from pydantic import AfterValidator, Field
 
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range
+from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range
 from epuck_sim.scenario.scenario import Condition
 
 FAULTS = {
@@ -166,7 +166,7 @@ class TrialEvent(NamedTuple):
 class Displacement(ConfigModel):
     """A displacement of phases."""
 
-    by_cycles: Number | Literal["random"]
+    by_cycles: Annotated[Number, Field(ge=-LARGEST, le=LARGEST)] | Literal["random"]
     """What is added to each phase, in cycles; or `random`, for phases drawn uniformly instead."""
 
     def __str__(self) -> str:
@@ -292,7 +292,7 @@ class AgentScheduleEntry(ScheduleEntry):
     displace: AgentDisplacement | None = None
 
 
-_PARAMETER = re.compile(r"robots\.(0|[1-9]\d*)\.(?:parameters|sensors\.(\w+))\.(\w+)")
+_PARAMETER = re.compile(r"robots\.(0|[1-9]\d*)\.(?:parameters|sensors\.(\w+)(?!\.file$))\.(\w+)")
 
 
 class RobotScheduleEntry(ScheduleEntry):

@@ -346,14 +346,17 @@ class EmbodiedScenario(Scenario):
                     f"{origin}: {concerning[0]} robots.{place} are no oscillators: their controller is "
                     f"{controller.name}; give robots, the numbers of others"
                 )
-        for number, entry in enumerate(self.schedule):
+        at_first = [group.parameters for group in self.robots]
+        timed = list(at_first)  # after the entries with a time, which come one after the other
+        for number, entry in sorted(enumerate(self.schedule), key=lambda numbered: numbered[1].at_s or 0.0):
+            present = list(at_first) if entry.at_s is None else timed
             for (place, sensor), values in entry.parameters().items():
                 group, where = self.robots[place], f"{origin}: schedule.{number}.set: robots.{place}"
                 if sensor is not None:
                     sensor_parameters(group.sensors, sensor, values, f"{where}.sensors")
                 elif place in known:
-                    given = {**group.parameters, **values}
-                    resolve_parameters(find_controller(group.controller), given, self.timing.step_ms, where)
+                    present[place] = {**present[place], **values}
+                    resolve_parameters(find_controller(group.controller), present[place], self.timing.step_ms, where)
 
     def _check_measures(self, origin: str) -> None:
         """Raise ScenarioError for shipped measures that take all robots to be in the arena throughout a trial."""
