@@ -60,7 +60,7 @@ def turn_rad(parameters, random):
 def step(sensors, memory, actuators, parameters, random):
     """Avoid what is near; else go on with the turn, or with the run, and draw the next ones when a run is over."""
     obstacle_avoidance.step(sensors, memory, actuators, parameters, random)
-    if actuators.left_cm_s != actuators.right_cm_s:
+    if memory.rotation_time > 0 or actuators.left_cm_s != actuators.right_cm_s:  # Appendix B stands still to toggle
         return
     if memory.turn_left_rad == 0:
         memory.run_left_ms -= sensors.step_ms
@@ -68,7 +68,7 @@ def step(sensors, memory, actuators, parameters, random):
             memory.run_left_ms = run_ms(parameters, random)
             memory.turn_left_rad = turn_rad(parameters, random)
         return
-    seconds = sensors.step_ms / 1000
+    seconds = max(sensors.step_ms, 1) / 1000  # a faulty clock may stand still
     whole_cm_s = memory.turn_left_rad * sensors.wheels.base_cm / 2 / seconds  # the wheels' speed for all in this step
     fastest_cm_s = min(parameters.rotation_speed_cm_s, sensors.wheels.limit_cm_s)
     wheel_cm_s = min(max(whole_cm_s, -fastest_cm_s), fastest_cm_s)

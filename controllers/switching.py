@@ -35,6 +35,7 @@ def step(sensors, memory, actuators, parameters, random):
     firefly.step(sensors, memory, actuators, parameters, random)
     if memory.flash_seen and not was_seen:
         memory.flashes_in_window = memory.flashes_in_window + 1 if memory.phase_ms <= window_ms else 0
-    if memory.flashes_in_window >= parameters.flashes_to_settle and actuators.left_cm_s == actuators.right_cm_s:
+    is_settled = memory.flashes_in_window >= parameters.flashes_to_settle
+    if is_settled and memory.rotation_time == 0 and actuators.left_cm_s == actuators.right_cm_s:
         actuators.left_cm_s = parameters.slow_cm_s
         actuators.right_cm_s = parameters.slow_cm_s

@@ -211,6 +211,11 @@ def test_switching_is_slow_after_flashes_in_a_row_in_its_window_and_fast_after_o
     robot.step()
     flash_at(robot, 4800)  # times 1.1 it passes the period
     assert robot.memory.flashes_in_window == 2
+    robot.memory.flashes_in_window = 3
+    for near, far in ((0, 7), (7, 0)):  # an obstacle on its right, then on its left: it stands still between turns
+        robot.distance_mm[[near, far]] = 10, 65535
+        robot.step()
+    assert (robot.left_cm_s, robot.right_cm_s) == (0, 0)
 
 
 def speeds_of(steps: int, **parameters) -> list[float]:

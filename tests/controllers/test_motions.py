@@ -162,7 +162,10 @@ def test_it_avoids_what_is_near_and_then_goes_on_with_its_turn_by_its_own_wheels
     robot.step()
     assert robot.left_cm_s > 0 > robot.right_cm_s
     assert robot.memory.turn_left_rad == left
-    robot.distance_mm[7] = 65535
+    robot.distance_mm[[7, 0]] = 65535, 10  # front-right: Appendix B stands still for a step before it turns left
+    robot.step()
+    assert (robot.left_cm_s, robot.right_cm_s, robot.memory.turn_left_rad) == (0, 0, left)
+    robot.distance_mm[0] = 65535
     robot.step(27)
     assert robot.memory.turn_left_rad == pytest.approx(0, abs=1e-12)
     assert (robot.left_cm_s, robot.right_cm_s) == (0.5, 0.5)
