@@ -278,6 +278,9 @@ class EmbodiedScenario(Scenario):
         for number, entry in enumerate(self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
                 found.append(f"schedule.{number}.add: {', '.join(map(str, always))} are in the arena all the time")
+        for number, fault in enumerate(self.faults):
+            if fault.scheduled and not any(number in entry.begin for entry in self.schedule):
+                found.append(f"faults.{number} never begins: no entry of the schedule begins it")
         return found
 
     @property

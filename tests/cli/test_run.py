@@ -95,6 +95,7 @@ def test_what_never_happens_in_a_trial_is_noted() -> None:
         ({"faults": late, "stop": {"max_time_s": 9}}, "faults.0 never begins: trials are over then"),
         ({"schedule": [{"at_cycle": 5, "remove": [1]}], "stop": {"max_cycles": 5}}, "schedule.0 never begins: "),
         ({"schedule": [add]}, "schedule.0.add: 1 are in the arena all the time"),
+        ({"faults": [{"kind": "ring_dead", "scheduled": True}]}, "faults.0 never begins: no entry"),
     ):
         (note,) = load_scenario(given).notes
         assert note.startswith(said)
