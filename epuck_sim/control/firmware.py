@@ -152,7 +152,8 @@ def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     """Return the library of a C file, and the contents of the files that it is made from, but the compiler's own."""
     compiler = _find_compiler(path)
     _, _, files = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", path]).partition(":")
-    own = [Path(file).resolve() for file in shlex.split(files.replace("\\\n", " "))]
+    named = re.findall(r"(?:\\.|[^\s\\])+", files.replace("\\\n", " "))  # with the quotes of `make`
+    own = [Path(re.sub(r"\\(.)", r"\1", file).replace("$$", "$")).resolve() for file in named]
     sources = {file: file.read_bytes() for file in dict.fromkeys([path, *own])}
     version = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
     settings = repr((compiler, version, FLAGS, ERRORS)).encode()

@@ -82,7 +82,7 @@ def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = 
             dx, dy = member.x - x, member.y - y
             square = dx * dx + dy * dy
             is_nearer = square < least or (square == least and (nearest == NOBODY or member.robot < nearest))
-            if member.robot != but and is_nearer:
+            if member.robot != but and is_nearer and swarm.robots[member.robot].present:
                 nearest, least = member.robot, square
     return nearest
 

@@ -252,7 +252,7 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
     densest = math.pi / math.sqrt(12) if len(wide) == 1 else 1.0  # of equal discs; others may fill what these leave
     covered_cm2 = sum(robots * math.pi * (diameter_cm / 2) ** 2 for diameter_cm, robots in wide.items())
     if covered_cm2 > densest * arena.width_cm * arena.height_cm:
-        listed = " and ".join(f"{robots} robots of {diameter_cm:g} cm" for diameter_cm, robots in wide.items() if robots)
+        listed = " and ".join(f"{robots} robots of {diameter_cm:g} cm" for diameter_cm, robots in (+wide).items())
         size = f"{arena.width_cm:g} x {arena.height_cm:g} cm"
         raise ValueError(f"{listed} do not fit into the arena of {size}; give fewer robots or a larger arena")
 

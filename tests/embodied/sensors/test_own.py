@@ -308,3 +308,5 @@ def test_slow_twins_see_the_same(files, has_picture):
         levels |= set(seen["brightness"])
     assert {0.25, 0.5} <= levels
     assert len(levels) > 3
+    away = [{"count": 1, "sensors": ["looks.py"]}, {"count": 2, "present": False}]
+    assert Simulation({"robots": away}).advance(1).readings["anywhere"][0] == -1
