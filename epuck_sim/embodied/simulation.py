@@ -124,6 +124,7 @@ class Simulation:
         )
         self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # steps at once
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
+        self._has_replaced = False
         controllers = [find_controller(group.controller) for group in scenario.robots]
         self._own_sensors = [
             [find_sensor(section["file"]) for section in group.sensors.values()] for group in scenario.robots
@@ -172,7 +173,7 @@ class Simulation:
     def reset(self, seed: int | None = None) -> None:
         """Start anew, to the same outcome as a new simulation with this seed, but many times as fast.
 
-        Parameters are the scenario's again, and nothing is commanded.
+        Parameters are the scenario's again, and nothing is commanded. Controllers that were replaced stay so.
 
         Args:
             seed: The trial's seed, 0 or more; the present one if None.
@@ -186,7 +187,6 @@ class Simulation:
         self._changes: list[Change] = []
         self.events = []
         self._timed.restart()
-        self._replaced_at: int | None = None
         self.is_firing = False
         self._clear(block)
         draw_start(block, self.seed)
@@ -391,23 +391,26 @@ class Simulation:
             ScenarioError: The controller does not take these parameters.
             ValueError: There is no such group.
         """
-        if not 0 <= group < len(self._groups):
-            raise ValueError(f"group is {group}; allowed: 0 to {len(self._groups) - 1}")
-        self._set_parameters(group, values)
+        self._set_parameters(group, values, self.scenario.name)
         self._note("set_parameters", group, **values)
 
-    def _set_parameters(self, group: int, values: Mapping[str, Value]) -> None:
-        changed = self._groups[group]
-        controller, origin = changed.controller, f"{self.scenario.name}: robots.{group}"
+    def _group(self, number: int) -> GroupControllers:
+        if not 0 <= number < len(self._groups):
+            raise ValueError(f"group is {number}; allowed: 0 to {len(self._groups) - 1}")
+        return self._groups[number]
+
+    def _set_parameters(self, group: int, values: Mapping[str, Value], origin: str) -> None:
+        changed = self._group(group)
+        controller = changed.controller
         given = {**controller.parameter_values(changed.parameters[0]), **values}
-        resolved = resolve_parameters(controller, given, self._step_ms, origin)
+        resolved = resolve_parameters(controller, given, self._step_ms, f"{origin}: robots.{group}")
         changed.parameters[:] = controller.parameter_record(resolved)
 
-    def _set_sensor(self, group: int, name: str, values: Mapping[str, Value]) -> None:
+    def _set_sensor(self, group: int, name: str, values: Mapping[str, Value], origin: str) -> None:
         of = name, self._groups[group].robots
         changed = next(sensor for sensor in self._sensors if (sensor.name, sensor.robots) == of)
         now = {**self.scenario.robots[group].sensors[name], **changed.sensor.parameter_values(changed.parameters[0])}
-        resolved = sensor_parameters({name: now}, name, values, f"{self.scenario.name}: robots.{group}.sensors")
+        resolved = sensor_parameters({name: now}, name, values, f"{origin}: robots.{group}.sensors")
         changed.parameters[:] = changed.sensor.parameter_record(resolved)
 
     def carry_out_scheduled(self, entry: int) -> None:
@@ -440,9 +443,9 @@ class Simulation:
             raise ControllerError(f"{origin}: {error}") from error
         for (group, sensor), values in entry.parameters().items():
             if sensor is None:
-                self._set_parameters(group, values)
+                self._set_parameters(group, values, origin)
             else:
-                self._set_sensor(group, sensor, values)
+                self._set_sensor(group, sensor, values, origin)
         if entry.displace is not None:
             schedule.displace_phases(swarm, self._groups, entry.displace, phases)
         for faults, begins in ((entry.begin, True), (entry.end, False)):
@@ -453,8 +456,8 @@ class Simulation:
     def replace_controller(self, group: int, controller: Controller) -> Replaced:
         """Have the robots of a group go on with another controller from the next step on.
 
-        See `embodied.changes.replacement` for what they remember, and which parameters they keep. Until it is reset,
-        the simulation is no longer what its scenario and seed alone decide.
+        See `embodied.changes.replacement` for what they remember, and which parameters they keep. The simulation is no
+        longer what its scenario and seed alone decide, and has neither snapshots nor copies.
 
         Args:
             group: Number of the group in the scenario.
@@ -465,8 +468,9 @@ class Simulation:
 
         Raises:
             EpuckSimError: It cannot be compiled, raises, or does not fit; then the old one goes on.
+            ValueError: There is no such group.
         """
-        old, origin = self._groups[group], f"{self.scenario.name}: robots.{group}"
+        old, origin = self._group(group), f"{self.scenario.name}: robots.{group}"
         check_alike(old.controller, controller)
         now, at_first = (
             parameters_for(controller, old.controller, record, self._step_ms, origin)
@@ -484,7 +488,7 @@ class Simulation:
             vars(self).update(before)
             self._world.use(self._block, self._swarm, self._loop.addresses)
             raise
-        self._replaced_at = self.steps
+        self._has_replaced = True
         self._show(before["_arena"])
         return replaced
 
@@ -497,10 +501,10 @@ class Simulation:
         """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later.
 
         Raises:
-            ValueError: A controller was replaced since the last reset: the steps before could not be simulated again.
+            ValueError: A controller was replaced: scenario and seed do not make this simulation.
         """
-        if self._replaced_at is not None:
-            raise ValueError(f"a controller was replaced after step {self._replaced_at - 1}; there is no snapshot")
+        if self._has_replaced:
+            raise ValueError("a controller was replaced, so that scenario and seed make another; there is no snapshot")
         return Snapshot(self.scenario, self.seed, self.steps, tuple(self._changes))
 
     def restore(self, snapshot: Snapshot) -> None:

@@ -74,11 +74,12 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
     now = next(simulation).memories[0]
     assert now["steps"].tolist() == [111] * 3
     assert (now["drawn"].dtype, now["drawn"].tolist()) == (np.int64, [0] * 3)
-    with pytest.raises(ValueError, match="a controller was replaced after step 10"):
-        simulation.snapshot()
     simulation.reset()
     assert next(simulation).memories[0]["steps"].tolist() == [1] * 3
-    simulation.snapshot()
+    with pytest.raises(ValueError, match="a controller was replaced, so that scenario and seed make another"):
+        simulation.snapshot()
+    with pytest.raises(ValueError, match="group is -1; allowed: 0 to 1"):
+        simulation.replace_controller(-1, load_controller(path))
 
 
 def test_a_fault_goes_on_in_robots_that_get_another_controller(tmp_path) -> None:
