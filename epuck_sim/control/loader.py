@@ -28,7 +28,7 @@ import numpy as np
 
 from epuck_sim.control.firmware import load_firmware
 from epuck_sim.control.interface import EXTERNAL, Controller, Described, Sensor, Sensors
-from epuck_sim.control.names import ARGUMENTS, check_own_names
+from epuck_sim.control.names import ARGUMENTS, check_draws, check_own_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import AS_LOADED, Kind, Place, PythonFile, fingerprint, kept, load_python_file
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
@@ -42,6 +42,9 @@ CONTROLLER = Kind(
     shipped=partial(builtin_files, CONTROLLERS),
 )
 """What controllers are found by."""
+
+DRAW = "draw by epuck_sim.util.rng.uniform(random)"
+"""What controllers and sensors do instead of drawing numbers that follow from no seed."""
 
 CONTROLLER_PARTS = {
     "PARAMETERS": "a mapping of names to default values",
@@ -83,6 +86,7 @@ def _load(place: Place) -> Controller:
     if controller.has_phase and type(period_s := controller.parameters.get("period_s")) is int:
         controller = replace(controller, parameters={**controller.parameters, "period_s": float(period_s)})
     check_own_names(controller)
+    check_draws(file, DRAW)
     return controller
 
 
@@ -156,6 +160,7 @@ def _load_sensor(place: Place) -> Sensor:
         raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
     sensor = Sensor(**vars(_described(place, file)), readings=_floats_first(readings), sense=sense)
     check_own_names(sensor)
+    check_draws(file, DRAW)
     return sensor
 
 

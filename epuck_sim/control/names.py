@@ -7,9 +7,8 @@ sensors in files of their own. What a controller reads of its sensors depends on
 import ast
 import random
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
-from itertools import chain
 from pathlib import Path
 from types import FunctionType, ModuleType
 
@@ -86,9 +85,7 @@ def _check_names(
         if definition is not None:
             nodes = [*ast.walk(definition)]
             names = _names_of_arguments(definition, nodes, roles)
-            mistakes = _mistakes(nodes, names, known, several, fixed)
-            draws = _draws(nodes, function.__globals__, "draw by epuck_sim.util.rng.uniform(random)")
-            for line, said in chain(mistakes, draws):
+            for line, said in _mistakes(nodes, names, known, several, fixed):
                 raise ControllerError(f"{code.co_filename}:{line}: {said}")
             for node in nodes:
                 if isinstance(node, ast.Call):
@@ -128,6 +125,9 @@ def _mistakes(
     """Yield lines of a function, whose arguments have roles by their names, and what is wrong there."""
     parts = [node for node in nodes if isinstance(node, ast.Attribute | ast.Subscript)]
     also_named = _names_of_parts(nodes, names)
+    own = "readings" if "world" in fixed else "memory"
+    for node in (node for node in nodes if isinstance(node, ast.Global)):
+        yield node.lineno, f"{ast.unparse(node)}: it would go on from trial to trial; use {own}"
     for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
         is_set = not isinstance(node.ctx, ast.Load)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:
@@ -139,25 +139,27 @@ def _mistakes(
                 said = ast.unparse(node)
                 yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
         if is_set and also_named.get(_root(node)) in fixed:
-            why = "a sensor sets its readings alone" if "world" in fixed else "all robots share them; use memory"
+            why = "a sensor sets its readings alone" if own == "readings" else "all robots share them; use memory"
             yield node.lineno, f"sets {ast.unparse(node)}; {why}"
 
 
 def check_draws(file: PythonFile, instead: str) -> None:
-    """Raise the file's error, with line, for a call in it that draws numbers which follow from no seed of a trial."""
+    """Raise the file's error, with line, for a call in it that draws numbers which follow from no seed of a trial.
+
+    A generator with a seed may draw when the file is loaded, and in no function: it would go on from trial to trial.
+    """
     for path, source in file.sources.items():
-        for line, said in _draws(ast.walk(ast.parse(source)), vars(file.modules[path]), instead):
-            raise file.error(f"{path}:{line}: {said}")
-
-
-def _draws(nodes: Iterable[ast.AST], values: Mapping[str, object], instead: str) -> Iterator[tuple[int, str]]:
-    """Yield lines of code that draw numbers which follow from no seed of a trial, and what to do instead."""
-    for call in (node for node in nodes if isinstance(node, ast.Call)):
-        called = _value_of(call.func, values)
-        is_unseeded = not (call.args or call.keywords) and any(called is each for each in UNSEEDED)
-        if is_unseeded or isinstance(getattr(called, "__self__", None), GENERATORS):
-            said = f"calls {ast.unparse(call.func)}, whose numbers follow from no seed of a trial; {instead}"
-            yield call.lineno, said
+        tree, values = ast.parse(source), vars(file.modules[path])
+        functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.Lambda))
+        in_functions = {node for function in functions for node in ast.walk(function)}
+        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
+            called = _value_of(call.func, values)
+            is_unseeded = not (call.args or call.keywords) and any(called is each for each in UNSEEDED)
+            owner = call.func.value if isinstance(call.func, ast.Attribute) and call in in_functions else None
+            drawn_by = getattr(called, "__self__", owner and _value_of(owner, values))
+            if is_unseeded or isinstance(drawn_by, GENERATORS):
+                said = f"calls {ast.unparse(call.func)}, whose numbers follow from no seed of a trial; {instead}"
+                raise file.error(f"{path}:{call.lineno}: {said}")
 
 
 def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[str, str]:
