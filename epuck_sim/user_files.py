@@ -336,7 +336,8 @@ def typed(name: str, given: object, default: _Parameter) -> _Parameter:
     else:
         fits = abs(given) <= sys.float_info.max if kind is float else abs(given) < MAX_WHOLE and given == int(given)
     if not fits:
-        raise ValueError(f"{name} is {short_repr(given)}; allowed: {allowed}")
+        why = f", as its default, {default}, is" if kind is int else ""
+        raise ValueError(f"{name} is {short_repr(given)}; allowed: {allowed}{why}")
     return cast("_Parameter", kind(given))
 
 

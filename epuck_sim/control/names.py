@@ -126,8 +126,8 @@ def _mistakes(
     parts = [node for node in nodes if isinstance(node, ast.Attribute | ast.Subscript)]
     also_named = _names_of_parts(nodes, names)
     own = "readings" if "world" in fixed else "memory"
-    for node in (node for node in nodes if isinstance(node, ast.Global)):
-        yield node.lineno, f"{ast.unparse(node)}: it would go on from trial to trial; use {own}"
+    for line in (node for node in nodes if isinstance(node, ast.Global)):
+        yield line.lineno, f"{ast.unparse(line)}: it would go on from trial to trial; use {own}"
     for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
         is_set = not isinstance(node.ctx, ast.Load)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:

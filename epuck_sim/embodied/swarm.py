@@ -273,7 +273,7 @@ SCENE = record_type(
         ("touch", "?"),  # whether robots touch each other; else they pass through each other
         ("moved_publicly", "?"),  # whether bodies move by pymunk's public interface, between calls of compiled code
         ("clocks_differ", "?"),
-        ("hides_flashes", "?"),  # whether faults may keep robots from seeing flashes: `CALL_HIDE` is called
+        ("hides_flashes", "?"),  # whether faults may keep robots from seeing flashes
         ("slip", "f8"),  # largest relative deviation of a wheel's speed; 0: no noise
         ("infrared_noise", "?"),  # whether noise is drawn
         ("mean_free_s", "f8"),  # mean time for which a robot is free, and stuck

@@ -48,6 +48,7 @@ class Measure:
     sources: Mapping[Path, bytes]
     """Contents of every file that a user's measure comes from, at the time of loading; empty for a shipped one."""
     unit: str = ""  # unit of its value, which figures name; empty if it has none
+    over: str = "cycle"  # what a series has a value for
 
     @property
     def is_function(self) -> bool:
@@ -124,6 +125,9 @@ _BY_MODULE = {
 SHIPPED = {name: module for module, names in _BY_MODULE.items() for name in names.split()}
 """Module of each shipped measure, by its name, which is that of its class: `link_life` is `LinkLife`."""
 
+NAMED = {"UNIT": "", "OVER": "cycle"}
+"""What a measure, or its file, may name of its value, and the defaults: see `Measure.unit` and `over`."""
+
 MEASURE = Kind(
     noun="measure",
     error=MeasureError,
@@ -149,7 +153,8 @@ def find_measure(name: str, folder: Path | None = None) -> Measure:
 @cache
 def _shipped_measure(name: str) -> Measure:
     make = getattr(import_module(f"epuck_sim.measures.{SHIPPED[name]}"), name.title().replace("_", ""))
-    return Measure(name, name, make, default_parameters(make), {}, getattr(make, "UNIT", ""))
+    named = (getattr(make, part, by_default) for part, by_default in NAMED.items())
+    return Measure(name, name, make, default_parameters(make), {}, *named)
 
 
 @kept
@@ -189,11 +194,13 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
         parameters = default_parameters(make)
     except ValueError as error:
         raise file.refusal(chosen, f"{chosen} {error}") from error
-    unit = getattr(make, "UNIT", file.parts.get("UNIT", ""))
-    if not isinstance(unit, str):
-        raise file.refusal("UNIT", f"{chosen} has UNIT = {short_repr(unit)}; a unit is text")
+    named = {part: getattr(make, part, file.parts.get(part, by_default)) for part, by_default in NAMED.items()}
+    for part, text in named.items():
+        if not isinstance(text, str):
+            raise file.refusal(part, f"{chosen} has {part} = {short_repr(text)}; allowed: text")
     stored = place.name if not member and place.package else f"{place.name}:{chosen}"
-    return Measure(place.name if stored == place.name else chosen, stored, make, parameters, file.sources, unit)
+    name = place.name if stored == place.name else chosen
+    return Measure(name, stored, make, parameters, file.sources, *named.values())
 
 
 def _check_methods(make: type, file: PythonFile) -> None:

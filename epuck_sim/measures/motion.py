@@ -180,6 +180,8 @@ class Coverage(_Map):
 class Density(_Map):
     """Share of all positions at cycles in each cell: a series of cells, row by row; x runs fastest, then y."""
 
+    OVER = "cell"
+
     def value(self) -> list[float]:
         """Return the shares; none without a cycle."""
         total = int(self._counts.sum())

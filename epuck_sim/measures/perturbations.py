@@ -69,6 +69,8 @@ class PerturbationGrowth(_Twin):
 class PerturbationExponent(_Twin):
     """Mean growth a cycle while the deviation is small, and its 95 % interval (a series of three; agents)."""
 
+    OVER = "part"
+
     def value(self) -> list[float | None]:
         """Return mean, lower and upper end; None where there are too few cycles."""
         return mean_with_interval([rate for rate in growth_rates(self._series) if rate is not None])

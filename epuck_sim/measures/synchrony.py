@@ -35,7 +35,7 @@ class ThresholdCycles(Shipped):
     """Cycle at which the order parameter first reached each of the `thresholds` (a series, one for each of them)."""
 
     thresholds: str = "0.5 0.8 0.9 0.95 0.99"
-    UNIT = "cycles"
+    UNIT, OVER = "cycles", "threshold"
 
     def __post_init__(self) -> None:
         self._cycles: dict[float, int | None] = dict.fromkeys(read_thresholds(self.thresholds))

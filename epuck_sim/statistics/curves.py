@@ -20,7 +20,16 @@ from epuck_sim.scenario.axes import choose_axis, group_rows
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.statistic import Measured, check_statistic, cut, estimate, measure, resample, statistic_name
+from epuck_sim.statistics.statistic import (
+    Measured,
+    check_statistic,
+    cut,
+    estimate,
+    measure,
+    measure_of,
+    resample,
+    statistic_name,
+)
 from epuck_sim.statistics.survival import median_time
 
 
@@ -118,13 +127,14 @@ def estimate_curve(
 
 
 class SeriesStatistics(NamedTuple):
-    """Statistics of several series at each of C cycles; NaN where they are undetermined or have no interval."""
+    """Statistics of several series at each of C cycles, or of what they are over; NaN where there are none."""
 
     cycles: IntArray  # (C,) cycles, from 1
     trials: IntArray  # (C,) number of trials that reach the cycle
     known: IntArray  # (C,) number of these whose value is determined; the statistics are of them
     mean: FloatArray  # (C, 3) mean, and the ends of its 95 % interval
     median: FloatArray  # (C, 3) median, and the ends of its 95 % interval
+    over: str = "cycle"  # what there is a value for, see `Measure.over`
 
 
 class PointSeries(NamedTuple):
@@ -136,7 +146,7 @@ class PointSeries(NamedTuple):
     def record(self) -> dict[str, Any]:
         """Return the statistics as JSON holds them: a list with a value for each cycle."""
         cycles, trials, known, *_ = self.statistics
-        found: dict[str, Any] = {"trials": trials, "known": known, "cycle": cycles}
+        found: dict[str, Any] = {"trials": trials, "known": known, self.statistics.over: cycles}
         for name in ("mean", "median"):
             ends = (name, f"{name}_low", f"{name}_high")
             found |= dict(zip(ends, getattr(self.statistics, name).T, strict=True))
@@ -144,22 +154,25 @@ class PointSeries(NamedTuple):
 
     def rows(self) -> Iterator[Row]:
         """Yield a row for some of the cycles: 1, 2 and 5 of each decade, and the last one."""
-        cycles, _, known, means, medians = self.statistics
+        cycles, _, known, means, medians, over = self.statistics
         last = len(cycles)
         shown = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
+        shown |= set() if over == "cycle" else set(range(1, MOST + 1))
         for at in sorted(cycle - 1 for cycle in shown if 0 < cycle <= last):
             mean, median = (Estimate(*each[at].tolist()) for each in (means, medians))
-            yield Row({**self.axes, "cycle": at + 1}, {"trials": int(known[at]), "mean": mean, "median": median})
+            yield Row({**self.axes, over: at + 1}, {"trials": int(known[at]), "mean": mean, "median": median})
 
 
 STEPS = (1, 2, 5)  # cycles of each decade that tables show, besides the last one
+MOST = 20  # values of what is not over cycles that tables show anyway
 
 
 def series_table(title: str, points: Sequence[PointSeries]) -> Table:
     """Return a table of the series at each point, at some of the cycles."""
     rows = [row for point in points for row in point.rows()]
-    notes = ["Trials: those that reach the cycle and have a value there."]
-    return Table(f"{title} at cycles, with 95 % intervals", rows, notes)
+    over = points[0].statistics.over
+    notes = [f"Trials: those that reach the {over} and have a value there."]
+    return Table(f"{title} at {over}s, with 95 % intervals", rows, notes)
 
 
 def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
@@ -172,7 +185,8 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
         # a number is a series of one
         series = [np.array(value if isinstance(value, list) else [value], float) for value in known]
         if any(map(len, series)):
-            found.append(PointSeries(point.axes, series_statistics(series)))
+            over = known_as.over if (known_as := measure_of(point)) else "cycle"
+            found.append(PointSeries(point.axes, series_statistics(series)._replace(over=over)))
     if not found:
         raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
     return found

@@ -6,7 +6,7 @@ all cases, where percentiles of the bootstrap do in 78 to 96 %: docs/statistics.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.display.table import Row, Share, Table, plain
 from epuck_sim.errors import EpuckSimError, MeasureError, StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
+from epuck_sim.measures.measure import Measure
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.survival import (
@@ -97,13 +98,19 @@ def quantity(of: str | None, unit: str = "") -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def measure_unit(point: PointTrials) -> str | None:
-    """Return the unit of the measure of a point, empty if it has none; None if the measure is not found."""
+def measure_of(point: PointTrials) -> Measure | None:
+    """Return the measure of a point; None if it is not found."""
     sections = [section for section in point.scenario.measures if section.name == point.of]
     try:
-        return sections[0].find().unit if sections else None
+        return sections[0].find() if sections else None
     except MeasureError:  # its file is gone
         return None
+
+
+def measure_unit(point: PointTrials) -> str | None:
+    """Return the unit of the measure of a point, empty if it has none; None if the measure is not found."""
+    found = measure_of(point)
+    return found.unit if found else None
 
 
 def check_units(points: Sequence[PointTrials]) -> None:
@@ -340,8 +347,29 @@ def difference(first: Sequence[float], second: Sequence[float]) -> Estimate:
     return Estimate(value, value - math.hypot(b - b_low, a_high - a), value + math.hypot(b_high - b, a - a_low))
 
 
-SUMMARIES = ("mean", "median", "restricted_mean", "weibull_mean")
-"""Names in JSON and CSV of the estimates that `summarize` prints for a point."""
+def _mean(measured: Measured) -> Estimate:
+    return measured.described(UNDETERMINED, "mean") if measured.censored else estimate(measured, Statistic.MEAN)
+
+
+def _median(measured: Measured) -> Estimate:
+    return UNDETERMINED if measured.is_share else estimate(measured, Statistic.MEDIAN)
+
+
+def _restricted_mean(measured: Measured) -> Estimate:
+    is_time = measured.limit < math.inf
+    return estimate(measured, Statistic.MEAN)._replace(name="restricted mean") if is_time else UNDETERMINED
+
+
+def _weibull_mean(measured: Measured) -> Estimate:
+    return estimate(measured, Statistic.WEIBULL_MEAN) if measured.limit < math.inf else UNDETERMINED
+
+
+OF_CENSORED = {"restricted_mean": _restricted_mean, "weibull_mean": _weibull_mean}
+SUMMARIES: Mapping[str, Callable[[Measured], Estimate]] = {"mean": _mean, "median": _median, **OF_CENSORED}
+"""What `summarize` estimates for a point, by its name in JSON and CSV, and of it what is shown where some is censored.
+
+What makes no sense of a measure is undetermined, and has no name.
+"""
 
 
 class PointSummary(NamedTuple):
@@ -388,7 +416,7 @@ class Summaries(list[PointSummary]):
         is_censored = any(point.censored for point in self)
         names = {name: each.name for point in reversed(self) for name, each in point.estimates.items() if each.name}
         if not is_censored:
-            return {name: names[name] for name in names if name in ("mean", "median")} or {"mean": "mean"}
+            return {name: names[name] for name in names if name not in OF_CENSORED} or {"mean": "mean"}
         all_censored = all(point.censored for point in self)
         return {name: heading for name, heading in names.items() if name != "mean" or not all_censored}
 
@@ -429,13 +457,6 @@ def _summarize_point(point: PointTrials) -> PointSummary:
     if not len(measured.values):
         nothing = dict.fromkeys(SUMMARIES, UNDETERMINED)
         return PointSummary(point.number, point.axes, 0, 0.0, nothing, measured.limit)
-    mean = estimate(measured, Statistic.MEAN)
-    is_time = measured.limit < math.inf
-    estimates = (
-        measured.described(UNDETERMINED, "mean") if measured.censored else mean,
-        UNDETERMINED if measured.is_share else estimate(measured, Statistic.MEDIAN),
-        mean._replace(name="restricted mean") if is_time else UNDETERMINED,
-        estimate(measured, Statistic.WEIBULL_MEAN) if is_time else UNDETERMINED,
-    )
+    estimates = {name: of(measured) for name, of in SUMMARIES.items()}
     head = point.number, point.axes, len(measured.values), measured.censored
-    return PointSummary(*head, dict(zip(SUMMARIES, estimates, strict=True)), measured.horizon, measured.is_share)
+    return PointSummary(*head, estimates, measured.horizon, measured.is_share)

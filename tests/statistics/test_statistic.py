@@ -14,7 +14,7 @@ from scipy import stats
 from epuck_sim import StoreError, points, read_points
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import series_statistics, summarize_series
+from epuck_sim.statistics.curves import series_statistics, series_table, summarize_series
 from epuck_sim.statistics.statistic import (
     Measured,
     estimate,
@@ -166,8 +166,7 @@ def test_at_each_cycle_they_are_the_statistics_of_the_trials_that_reach_it(serie
 def test_the_order_of_the_trials_makes_no_difference_to_the_bit(series, random):
     shuffled = random.sample(series, len(series))
     one, other = (series_statistics([np.array(each, float) for each in some]) for some in (series, shuffled))
-    for ours, theirs in zip(one, other, strict=True):
-        assert ours.tobytes() == theirs.tobytes()
+    assert [each.tobytes() for each in one[:5]] == [each.tobytes() for each in other[:5]]
 
 
 def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp_path):
@@ -178,6 +177,10 @@ def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp
     assert [point.axes for point in found] == [{SPEED: 1}, {SPEED: 3}]
     assert found[0].statistics.mean[:, 0].tolist() == [0.375, 0.75]
     assert [each.statistics.trials.tolist() for each in found] == [[2, 1], [1]]
+    scenario = sweep({SPEED: [1]}, measures=["threshold_cycles"])
+    folder = made_folders.store_measured(tmp_path / "over", scenario, lambda _: [[2, None, None, None, None]])
+    row = series_table("", summarize_series(read_points(folder, "threshold_cycles"))).rows[0]
+    assert (row.axes["threshold"], row.cells["trials"], found[0].statistics.over) == (1, 1, "cycle")
     scenario = sweep({SPEED: [1]}, measures=["near_walls"])
     folder = made_folders.store_measured(tmp_path / "other", scenario, lambda _: [0.5, 0.25])
     with pytest.raises(StoreError, match="near_walls is no series"):

@@ -238,7 +238,7 @@ def _draw_curve(
         panel.plot(speed, time, marker, color=look.colour, zorder=4, **EXTREMUM)
 
 
-SERIES_COLUMNS = ("cycle", "trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
+SERIES_COLUMNS = ("trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
 """Columns after the axes in the table: number of trials that reach the cycle, and of those with a value there."""
 
 MAX_LINES = 20  # largest number of lines; more of them are hard to distinguish
@@ -265,19 +265,21 @@ class Series(Form):
 
     @property
     def labels(self) -> Sequence[str]:
-        return "cycle", self.quantity
+        return self.points[0].statistics.over, self.quantity
 
     @property
     def shows(self) -> str:
         trials = style.count_trials([int(point.statistics.trials[0]) for point in self.points])
-        return f"{self.of}: means over the cycles of the trials that reach them, with 95 % intervals; {trials}"
+        over = self.points[0].statistics.over
+        return f"{self.of}: means over the {over}s of the trials that reach them, with 95 % intervals; {trials}"
 
     @property
     def tables(self) -> Mapping[str, str]:
         """A row for each cycle of each point."""
-        columns = [(s.cycles, s.trials, s.known, *s.mean.T, *s.median.T) for _, s in self.points]
+        columns = [(s.trials, s.known, *s.mean.T, *s.median.T) for _, s in self.points]
         each = zip(self.points, columns, strict=True)
-        return {".csv": tabulate((point.axes, dict(zip(SERIES_COLUMNS, found, strict=True))) for point, found in each)}
+        rows = ((axes, {s.over: s.cycles, **dict(zip(SERIES_COLUMNS, row, strict=True))}) for (axes, s), row in each)
+        return {".csv": tabulate(rows)}
 
     @property
     def notes(self) -> Sequence[str]:
