@@ -119,14 +119,14 @@ def calibrate(
 ) -> None:
     """Calibrate the lens of a camera from a film of a checkerboard or ChArUco board."""
     from epuck_sim.cli.progress import progress_bar
+    from epuck_sim.overhead.camera import APART_S, calibrate_lens, find_views, save_lens
     from epuck_sim.overhead.film import open_film
-    from epuck_sim.overhead.lens import APART_S, Board, calibrate_lens, find_views, save_lens
 
-    squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
+    squares = parse_board(board)
     options.check_outputs({"the film": film}, {"the lens": (to, [".json"])}, {})
     with open_film(film) as reader:
         frames = progress_bar("calibrating")(reader.frames(), reader.duration_s)
-        views = find_views(frames, squares, 0.0 if reader.is_pictures else APART_S)
+        views = find_views(frames, squares, charuco, 0.0 if reader.is_pictures else APART_S)
         lens = calibrate_lens(film, views, (reader.width_px, reader.height_px), fisheye)
     save_lens(to, lens)
     typer.echo(f"{to}: focal length {lens.focal_px:.1f} px, from {lens.views} views, error {lens.error_px:.2f} px")

@@ -1,25 +1,46 @@
-"""Determines which camera took a film: from the user's options, the film's own description, or its pictures."""
+"""Determines which camera took a film: from the user's options, the film's own description, or its pictures.
+
+A lens that bends straight lines and a camera that hangs askew show rings larger or smaller, and flattened, from place
+to place. So rings tell the distortion and the tilt; corners tell the place of the floor.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Annotated, Any, NamedTuple, Self
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, Field, ValidationError
 
-from epuck_sim.arrays import FloatArray
+from epuck_sim import epuck
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.camera import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, Frame, Geometry, Lens, overhead_camera
-from epuck_sim.overhead.camera_fit import fit_camera, measure_rings
-from epuck_sim.overhead.floor import find_corners
-from epuck_sim.overhead.light import Background, is_lit
+from epuck_sim.geometry import polygon_area
+from epuck_sim.overhead.camera import (
+    LOOKING_DOWN,
+    REFERENCE_HEIGHT_CM,
+    REFERENCE_SIDE_CM,
+    CameraModel,
+    Frame,
+    Geometry,
+    Lens,
+    Light,
+    overhead_camera,
+    simple_lens,
+)
+from epuck_sim.overhead.floor import check_corners, find_corners
+from epuck_sim.overhead.light import LEAST_LIGHT, Background, is_lit, ring_light
+from epuck_sim.overhead.rings import RingFinder
 from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
 
 DESCRIPTION = "the film's description"
 LIGHT = "the floor's corners in the lit beginning"
+CORNERS = "the corners given"
+RINGS = "the size and shape of the rings, with the camera aimed at the arena's middle"
 
 LIT_FRAMES = 30  # frames of a lit beginning in which the floor is searched: in some, a hand may hide its corners
 AGREE_PX = 2.0  # largest distance of the floor's corners in two frames in a row; those of lamps that flicker move
@@ -27,6 +48,30 @@ MAX_TILT_DEG = 75.0  # largest angle between a camera's axis and straight down; 
 STUDIED_FRAMES = 400  # dark frames in which rings are studied; a swarm has then flashed a few times
 MIN_HEIGHT_CM = 10.0  # minimum height of a camera above the floor: twice the height of robots
 
+# rings of unknown size
+MIN_RADIUS_PX = 5.0  # radius of the smallest ring that is searched; the hollow of smaller ones is lost
+MAX_RADIUS = 0.2  # radius of the largest ring that is searched, as a fraction of the picture's shorter side
+STEP = 1.18  # ratio of one radius that is searched to the next; a ring is found from 0.8 to 1.2 times a radius
+APART_S = 0.2  # time between pictures that are examined, unless more light comes on: one or two show a flash
+SURVEYED = 6  # pictures with rings in which all sizes are searched; later only those that were found
+ENOUGH_PICTURES = 30  # pictures with rings that are examined
+ENOUGH_RINGS = 60  # rings that are enough to determine a camera
+USUAL_LIGHT = 0.3  # light of a ring, relative to that of bright ones, below which it is none
+VIEW_HEIGHT_CM = 100.0  # height of the imagined camera that searches rings; only the scale that it gives matters
+
+# the fit
+TOLERANCE = 1e-12  # relative change of the squares, the pose or the gradient at which the fit of the camera ends
+TELLING_RINGS = 8  # rings from which they tell distortion and tilt
+CORNER_PX = 0.5  # standard deviation of a corner that is given
+SHAPE_ERRORS = (0.5, 0.1, 0.02)
+"""Standard deviation of a ring's size and flattening, relative to its radius, in one fit after the other: large errors
+count for little, and at first all are large."""
+SIZE_PRIOR = 0.05  # standard deviation of the radius of real rings around `epuck.RING_RADIUS_CM`, relative to it
+K1_PRIOR = 0.15  # standard deviation of usual lenses' radial distortion; keeps it small where rings do not tell
+TILT_PRIOR = 0.3  # standard deviation, in radians, of the tilt of a camera of which no corners are given
+FISHEYE_GAIN = 0.6  # squares of a fisheye lens, relative to those of a usual one, below which a lens is a fisheye
+
+_CIRCLE = np.arange(24) * math.tau / 24
 
 DESCRIBED = ("arena_cm", "robots", "period_s")  # what users and descriptions may say alike
 
@@ -203,3 +248,228 @@ def _lit_corners(frames: Iterator[Frame]) -> tuple[FloatArray | None, Iterator[F
             return corners, frames
         before = corners
     return None, frames
+
+
+class SeenRings(NamedTuple):
+    """How rings look in pictures."""
+
+    places_px: FloatArray
+    """(n, 2) column and row of their middles."""
+    radius_px: FloatArray
+    """(n,) mean radii."""
+    flattening: FloatArray
+    """(n, 2) cosine and sine amplitudes of the radius along twice the angle, relative to the radius."""
+    light: float = 0.0
+    """Median levels by which they are brighter than their inside."""
+
+    @property
+    def number(self) -> int:
+        """Number of rings."""
+        return len(self.radius_px)
+
+
+def measure_rings(frames: Iterable[Frame], background: Background, most_frames: int) -> SeenRings:
+    """Measure rings of unknown size in the dark frames of a film, from which the background learns.
+
+    Reading ends when there are enough, or `most_frames` after the first frame with a ring.
+    """
+    survey = _Survey()
+    first: Light | None = None
+    last_s, last_lit_px, since = -math.inf, 0, 0
+    for frame in frames:
+        if first is None and not is_lit(frame.picture):
+            first, _ = ring_light(frame.picture)
+            background.levels = first if background.levels is None else background.levels
+        since += bool(survey.found)
+        light, room_is_lit = background.light_beyond(frame)
+        if room_is_lit:
+            continue
+        lit_px = int(np.count_nonzero(light >= LEAST_LIGHT))
+        if lit_px and (frame.time_s - last_s >= APART_S or lit_px > last_lit_px):
+            last_s, last_lit_px = frame.time_s, lit_px
+            survey.examine(light)
+        if len(survey.found) >= ENOUGH_RINGS or survey.pictures >= ENOUGH_PICTURES or since >= most_frames:
+            break
+    if first is not None and not survey.found:  # what shone in the first picture never went off
+        background.levels = None
+        survey.examine(first)
+    return survey.seen_rings()
+
+
+class _Survey:
+    """Searches rings of all sizes in picture after picture, and later only of the sizes that were found."""
+
+    def __init__(self) -> None:
+        self.found: list[list[float]] = []
+        self._finders: list[RingFinder] = []
+        self._useful: list[int] = []
+        self.pictures = 0  # with rings
+
+    def examine(self, light: Light) -> None:
+        """Search rings in the light of a dark picture; keep those that fit best where several are at one place."""
+        if not self._finders:
+            rows, columns = light.shape
+            sizes = math.floor(math.log(MAX_RADIUS * min(rows, columns) / MIN_RADIUS_PX, STEP)) + 1
+            px_per_cm = MIN_RADIUS_PX * STEP ** np.arange(sizes) / epuck.RING_RADIUS_CM
+            focals_px = (px_per_cm * (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)).tolist()
+            above_cm = np.array([0.0, 0.0, VIEW_HEIGHT_CM])
+            lenses = (simple_lens(columns, rows, focal_px) for focal_px in focals_px)
+            self._finders = [RingFinder(CameraModel(columns, rows, lens, LOOKING_DOWN, above_cm)) for lens in lenses]
+            self._useful = [0] * len(self._finders)
+        seen: list[list[float]] = []
+        for index, finder in enumerate(self._finders):
+            if self.pictures < SURVEYED or self._useful[index]:
+                rings = _seen_by(finder, light)
+                self._useful[index] += len(rings)
+                seen += rings
+        kept: list[list[float]] = []
+        for ring in sorted(seen, key=lambda each: each[-1]):
+            if all(math.dist(ring[:2], other[:2]) > max(ring[2], other[2]) for other in kept):
+                kept.append(ring)
+        self.found += kept
+        self.pictures += bool(seen)
+
+    def seen_rings(self) -> SeenRings:
+        """Return the rings that are bright; the fit leaves out those of other sizes."""
+        table = np.array(self.found).reshape(-1, 7)
+        if len(table):
+            table = table[table[:, 5] >= USUAL_LIGHT * np.quantile(table[:, 5], 0.9)]
+        light = float(np.median(table[:, 5])) if len(table) else 0.0
+        return SeenRings(table[:, :2], table[:, 2], table[:, 3:5], light)
+
+
+def _seen_by(finder: RingFinder, light: Light) -> list[list[float]]:
+    """Return what a finder with a search camera sees of each ring.
+
+    That is column, row and radius, px; flattening, cosine and sine; light, levels; and misfit relative to the radius.
+    """
+    fits = finder.fits(light)
+    if not fits:
+        return []
+    px_per_cm = finder.camera.lens.focal_px / (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)
+    places_px = finder.camera.project(finder.view.centres_cm(fits))
+    radii_cm, levels, misfits_cm = np.array([(fit.radius_cm, fit.light, fit.misfit_cm) for fit in fits]).T
+    flattening = np.array([fit.flattening for fit in fits]) * (1, -1)  # rows of the view count upwards
+    return list(np.column_stack([places_px, radii_cm * px_per_cm, flattening, levels, misfits_cm / radii_cm]).tolist())
+
+
+def fit_camera(
+    size_px: tuple[int, int],
+    floor_cm: tuple[float, float],
+    above_cm: float,
+    rings: SeenRings,
+    corners_px: npt.ArrayLike | None = None,
+    lens: Lens | None = None,
+) -> Geometry:
+    """Fit the camera that sees the floor's corners, if they are given, and rings where and as large as they are seen.
+
+    Without corners, (4, 2) px in any order, it is aimed at the arena's middle, and not turned; of them, the nearest to
+    the picture's lower left corner is the arena's origin. Corners seen from straight above do not determine its height.
+
+    Raises:
+        FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
+    """
+    corners = None if corners_px is None else check_corners(corners_px, *size_px)
+    kinds = (False, True) if lens is None and rings.number >= TELLING_RINGS else (False,)
+    fits = [_fit(size_px, floor_cm, above_cm, rings, corners, lens, is_fisheye) for is_fisheye in kinds]
+    _, found = fits[-1] if fits[-1][0] < FISHEYE_GAIN * fits[0][0] else fits[0]
+    return found
+
+
+def _unknowns(
+    floor_cm: tuple[float, float], above_cm: float, rings: SeenRings, corners: FloatArray | None, lens: Lens | None
+) -> tuple[FloatArray, BoolArray]:
+    """Return (8,) values at which a fit begins, and which of them the film tells; the others are held.
+
+    0 to 2: rotation vector, of which the third, the turn, is held without corners, and all without enough rings. 3, 4:
+    offset relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if
+    the lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
+    """
+    start = np.zeros(8)
+    if corners is not None:
+        scale = math.sqrt(abs(polygon_area(corners)) / (floor_cm[0] * floor_cm[1]))
+        start[2] = math.atan2(*(corners[1] - corners[0])[::-1])
+        start[5] = math.log(scale * above_cm)
+    else:
+        scale = float(np.median(rings.radius_px)) / epuck.RING_RADIUS_CM
+        start[5] = math.log(scale * (above_cm - epuck.RING_HEIGHT_CM))
+    if lens is not None:  # then the film tells the height instead of the focal length
+        start[5] = math.log(lens.focal_px / above_cm) - (start[5] - math.log(above_cm))
+    by_corners, by_rings = corners is not None, rings.number >= TELLING_RINGS
+    told = [by_corners or by_rings] * 2 + [by_corners] * 3 + [True, lens is None and by_rings]
+    return start, np.array([*told, by_corners and rings.number > 0])
+
+
+def _fit(
+    size_px: tuple[int, int],
+    floor_cm: tuple[float, float],
+    above_cm: float,
+    rings: SeenRings,
+    corners: FloatArray | None,
+    lens: Lens | None,
+    is_fisheye: bool,
+) -> tuple[float, Geometry]:
+    """Return half of the squares that least squares leave, and the geometry that they give."""
+    # loading it takes half a second, and described films do without it
+    from scipy.optimize import least_squares  # noqa: PLC0415
+
+    floor = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (*floor_cm, 0.0)
+    start, is_told = _unknowns(floor_cm, above_cm, rings, corners, lens)
+    is_told[6] &= not is_fisheye
+
+    def filled(found: FloatArray) -> FloatArray:
+        values = start.copy()
+        values[is_told] = found
+        return values
+
+    def camera_of(values: FloatArray) -> CameraModel:
+        rotation = np.asarray(cv2.Rodrigues(values[:3])[0], float) @ LOOKING_DOWN
+        rise_cm = above_cm * (1.0 if lens is None else math.exp(values[5]))
+        aside = rotation[2] / rotation[2, 2] if corners is None else np.array([*values[3:5], 1.0])
+        through = lens or simple_lens(*size_px, math.exp(values[5]), values[6], is_fisheye)
+        return CameraModel(*size_px, through, rotation, floor.mean(axis=0) + rise_cm * aside)
+
+    def misses(found: FloatArray, shape_error: float) -> FloatArray:
+        values = filled(found)
+        parts = [np.array([values[6] / K1_PRIOR, values[7] / SIZE_PRIOR])]
+        with np.errstate(all="ignore"):
+            camera = camera_of(values)
+            if corners is None:
+                parts.append(values[:2] / TILT_PRIOR)
+            else:
+                parts.append((camera.project(floor) - corners).ravel() / CORNER_PX)
+            if rings.number:
+                seen = expected_rings(camera, rings.places_px, epuck.RING_RADIUS_CM * math.exp(values[7]))
+                sizes = np.log(np.maximum(seen.radius_px, 1e-3) / rings.radius_px)
+                off = (np.column_stack([sizes, seen.flattening - rings.flattening]) / shape_error).ravel()
+                parts.append(np.sign(off) * np.sqrt(2 * np.log1p(off**2 / 2)))  # a ring that is none counts for little
+        return np.asarray(np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3), float)
+
+    found = start[is_told]
+    until = {"x_scale": "jac", "ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": TOLERANCE}
+    for shape_error in SHAPE_ERRORS:
+        fit = least_squares(misses, found, args=(shape_error,), **until)
+        found = fit.x
+    camera, error_cm = camera_of(filled(found)), 0.0
+    if rings.number:  # of the corners on the floor, from draws of what was fitted
+        covariance, pixels = np.linalg.pinv(fit.jac.T @ fit.jac), camera.project(floor)
+        draws = np.random.default_rng(0).multivariate_normal(found, covariance, 32, method="svd")
+        off_cm = [camera_of(filled(draw)).back_project(pixels, 0.0) - floor[:, :2] for draw in draws]
+        error_cm = float(np.sqrt(np.mean(np.sum(np.square(off_cm), axis=2))))
+    tilt_deg = math.degrees(math.acos(min(1.0, -camera.rotation[2, 2])))
+    by, ring_size = RINGS if corners is None else CORNERS, math.exp(filled(found)[7])
+    known = Geometry(camera, floor_cm, by, corners is not None, error_cm, tilt_deg)
+    return float(fit.cost), known._replace(ring_light=rings.light, ring_size=ring_size)
+
+
+def expected_rings(camera: CameraModel, places_px: FloatArray, radius_cm: float) -> SeenRings:
+    """Return how a camera would see rings whose middles are at (n, 2) px."""
+    centres = camera.back_project(places_px, epuck.RING_HEIGHT_CM)
+    rim = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=-1) * radius_cm
+    points = np.concatenate([np.zeros((1, 2)), rim]) + centres[:, None]
+    height = np.full((*points.shape[:2], 1), epuck.RING_HEIGHT_CM)
+    pixels = camera.project(np.concatenate([points, height], axis=2).reshape(-1, 3)).reshape(len(centres), -1, 2)
+    x, y = np.moveaxis(pixels[:, 1:] - pixels[:, 1:].mean(axis=1, keepdims=True), -1, 0)
+    across, down, mixed = ((one * other).mean(axis=1) for one, other in ((x, x), (y, y), (x, y)))
+    flattening = np.column_stack([(across - down) / 2, mixed]) / (across + down)[:, None]
+    return SeenRings(places_px, np.sqrt(across + down), flattening)  # moments are half of the axes' squares

@@ -14,9 +14,8 @@ import numpy as np
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.camera import Frame, Lens, Picture, ProgressWrapper, overhead_camera
+from epuck_sim.overhead.camera import Frame, Lens, Picture, ProgressWrapper, overhead_camera, read_lens
 from epuck_sim.overhead.film import film_file
-from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.render import NO_MOVABLES, ExposureSample, Renderer
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import Level

@@ -15,7 +15,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
-from epuck_sim.overhead.camera import Frame, Geometry, Picture, ProgressWrapper
+from epuck_sim.overhead.camera import Frame, Geometry, Picture, ProgressWrapper, read_lens
 from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.flashes import (
     REACH_CM,
@@ -27,7 +27,6 @@ from epuck_sim.overhead.flashes import (
     count_places,
     join_broken,
 )
-from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import (
     ORDER_PARAMETER,

@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 import epuck_sim
 from epuck_sim import Simulation, load_scenario, read_points, run_sweep, run_trial
 from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.camera import calibrate_lens, find_views, read_lens, save_lens
 from epuck_sim.overhead.film import open_film
-from epuck_sim.overhead.lens import Board, calibrate_lens, find_views, read_lens, save_lens
 from epuck_sim.overhead.track import track_film
 from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.share import Share
@@ -76,7 +76,7 @@ def make(folder: Path) -> None:
     with epuck_sim.Trace(folder / TRACE, robots, 5, memory=["rotation_time"], relations=True) as trace:
         run_trial(Simulation(robots, 5), [trace])
     frames = film_of(charuco(9, 6), lens_matrix(420.0), np.array([-0.1, 0, 0, 0]))
-    save_lens(folder / LENS, calibrate_lens("film", find_views(frames, Board("charuco", 9, 6)), LENS_SIZE, False))
+    save_lens(folder / LENS, calibrate_lens("film", find_views(frames, (9, 6), is_charuco=True), LENS_SIZE, False))
 
 
 def run_values(path: Path) -> dict[str, Any]:

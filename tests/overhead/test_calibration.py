@@ -13,12 +13,32 @@ from scipy.spatial.transform import Rotation
 
 from epuck_sim import epuck
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead import calibration, lens
-from epuck_sim.overhead.calibration import LIT_FRAMES, TrackOptions, calibrate, described_geometry, parse_metadata
-from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Lens
-from epuck_sim.overhead.camera_fit import CORNERS, RINGS, SeenRings, expected_rings, fit_camera
+from epuck_sim.overhead import calibration
+from epuck_sim.overhead.calibration import (
+    CORNERS,
+    LIT_FRAMES,
+    RINGS,
+    SeenRings,
+    TrackOptions,
+    calibrate,
+    described_geometry,
+    expected_rings,
+    fit_camera,
+    parse_metadata,
+)
+from epuck_sim.overhead.camera import (
+    MIN_VIEWS,
+    CameraModel,
+    Frame,
+    Geometry,
+    Lens,
+    View,
+    calibrate_lens,
+    find_views,
+    read_lens,
+    save_lens,
+)
 from epuck_sim.overhead.floor import find_corners
-from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
 from tests.overhead import cameras
 from tests.overhead.cameras import AT_RINGS, FLOOR, camera_of, floor_corners, picture_of, scattered, worst_cm
 from tests.overhead.films import SMALL, described, even, flashing, make_camera, shoot
@@ -318,7 +338,7 @@ def test_a_board_tells_the_lens(kind, k1, k2, is_fisheye, tmp_path) -> None:
     matrix = cameras.lens_matrix(315.0, SIZE)
     true_lens = Lens(matrix[0, 0], matrix[1, 1], (matrix[0, 2], matrix[1, 2]), coefficients, is_fisheye)
     frames = cameras.film_of(draw(9, 6), matrix, np.array(coefficients), is_fisheye, SIZE, 10)
-    views = find_views(frames, Board(kind, 9, 6))
+    views = find_views(frames, (9, 6), kind == "charuco")
     found = calibrate_lens("film", views, SIZE, is_fisheye)
     assert found.views >= MIN_VIEWS
     assert found.error_px < 0.5
@@ -335,17 +355,17 @@ def test_a_board_tells_the_lens(kind, k1, k2, is_fisheye, tmp_path) -> None:
 
 def test_boards_are_missed_where_there_is_none_and_found_anew_only_where_they_have_moved(monkeypatch) -> None:
     nothing = [Frame(float(second), np.full((120, 160, 3), 120, np.uint8)) for second in range(10)]
-    views = find_views(nothing, Board("checkerboard", 9, 6))
+    views = find_views(nothing, (9, 6), is_charuco=False)
     with pytest.raises(FilmError, match=r"^dull\.mp4: the board is found in 0 different positions; .*--board"):
         calibrate_lens("dull.mp4", views, (160, 120), False)
     (view,) = views_of_a_board([20.0], False)
     flickers = [dict([*view.items()][number:]) for number in (0, 1, 0, 1)]
     views = views_of_a_board(np.linspace(-30, 30, 10), False)
-    monkeypatch.setattr(lens, "_charuco_corners", lambda *_: flickers.pop())
-    monkeypatch.setattr(lens, "_checkerboard_corners", lambda *_: views.pop())
+    monkeypatch.setattr("epuck_sim.overhead.camera._charuco_corners", lambda *_: flickers.pop())
+    monkeypatch.setattr("epuck_sim.overhead.camera._checkerboard_corners", lambda *_: views.pop())
     frames = [Frame(number / 25, np.zeros((4, 4, 3), np.uint8)) for number in range(10)]
-    assert len(find_views(frames[:4], Board("charuco", 9, 6), apart_s=0.0)) == 1
-    assert len(find_views(frames, Board("checkerboard", 9, 6), apart_s=0.0)) == 10
+    assert len(find_views(frames[:4], (9, 6), is_charuco=True, apart_s=0.0)) == 1
+    assert len(find_views(frames, (9, 6), is_charuco=False, apart_s=0.0)) == 10
 
 
 def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]:

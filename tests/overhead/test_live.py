@@ -20,9 +20,8 @@ import pytest
 
 from epuck_sim.errors import FilmError, PortError
 from epuck_sim.overhead import live
-from epuck_sim.overhead.calibration import TrackOptions, parse_metadata
+from epuck_sim.overhead.calibration import RINGS, TrackOptions, parse_metadata
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.camera_fit import RINGS
 from epuck_sim.overhead.live import LiveCamera, UnpluggedError, Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
 from tests.cli.films import frames_and_description
