@@ -31,8 +31,7 @@ from epuck_sim.overhead.camera import (
     simple_lens,
 )
 from epuck_sim.overhead.floor import check_corners, find_corners
-from epuck_sim.overhead.light import LEAST_LIGHT, Background, is_lit, ring_light
-from epuck_sim.overhead.rings import RingFinder
+from epuck_sim.overhead.rings import LEAST_LIGHT, Background, RingFinder, is_lit, ring_light
 from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection

@@ -5,18 +5,23 @@ from array import array
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Self
 
+import cv2
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.camera import Frame, Geometry, Light
-from epuck_sim.overhead.light import LIT_LEVEL, Background, LightMeter
-from epuck_sim.overhead.rings import Ring, RingFinder
+from epuck_sim.overhead.rings import LEAST_LIGHT, LIT_LEVEL, Background, Ring, RingFinder
 
 REACH_CM = 2.5  # largest distance of a ring from its place in the frame before, if frames come fast
 FASTEST_CM_S = 1.05 * epuck.WHEEL_LIMIT_CM_S  # speed of a ring by which it may be farther, if they come slowly
 MOST_REACH_CM = 1.6 * epuck.RADIUS_CM  # distance beyond which it is another ring: robots that touch are 2 radii apart
 MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
+
+# lit areas
+SMOOTH_PX = 3  # side of the square over which noise is averaged
+SAMPLED = 4  # distance of the counted pixels of a row, or of a column, from which its usual light is measured
+SAMPLED_LINES = 240  # rows and columns of a picture, about, in which lit pixels are counted
 _COS, _SIN = (function(np.linspace(0, 2 * np.pi, 8, endpoint=False)) for function in (np.cos, np.sin))
 
 
@@ -187,6 +192,49 @@ class CountedRings(NamedTuple):
     """Share of the floor that always shines, as bright as rings."""
     rings: Sequence[Sequence[Ring]] = ()
     """Rings on the floor in each frame, including those of a lit beginning; empty if it was not filmed."""
+
+
+class LightMeter:
+    """Measures the lit area in pictures of one camera."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        camera = geometry.camera
+        self._step = max(min(camera.width_px, camera.height_px) // SAMPLED_LINES, 1)
+        floor = np.ones((camera.height_px, camera.width_px), np.uint8)
+        if geometry.knows_floor:
+            floor[:] = 0
+            cv2.fillPoly(floor, [np.round(geometry.floor_outline_px()).astype(np.int32)], (1,))
+        self._floor = floor[:: self._step, :: self._step] > 0
+
+    def lit_px(self, levels: Light, background: Light | None = None, usual: float = 0.0) -> int:
+        """Return about how many of (height_px, width_px) levels on the floor, or anywhere if it is not known, are lit.
+
+        Lamps that flicker do not count. Those that light the room raise whole rows where a camera exposes one row after
+        the other, whole columns if the film is turned, and else all pixels. Those in the picture, and screens, shine by
+        less than twice their least light, by which the background exceeds its usual level.
+        """
+        if cv2.minMaxLoc(levels)[1] < LEAST_LIGHT:
+            return 0
+        light = np.asarray(cv2.blur(levels, (SMOOTH_PX, SMOOTH_PX)), np.uint8)[:: self._step, :: self._step]
+        beyond = _beyond_usual(light, self._floor)
+        beyond = _beyond_usual(beyond.T, self._floor.T).T
+        is_light = (beyond >= LEAST_LIGHT) & self._floor
+        if background is not None:
+            is_light &= beyond + usual >= background[:: self._step, :: self._step]
+        return self._step**2 * int(np.count_nonzero(is_light))
+
+    def share(self, levels: Light, least: float) -> float:
+        """Return the share of the floor, or of the picture if it is not known, that has such a level or more."""
+        bright = levels[:: self._step, :: self._step] >= least
+        return float(np.mean(bright[self._floor]))
+
+
+def _beyond_usual(light: Light, floor: BoolArray) -> Light:
+    """Return (rows, columns) the light beyond the median of the floor in its row."""
+    sampled = floor[:, ::SAMPLED]
+    ascending = np.sort(np.where(sampled, light[:, ::SAMPLED], 255), axis=1, kind="stable")  # by radix
+    usual = ascending[np.arange(len(light)), np.count_nonzero(sampled, axis=1) // 2]
+    return np.asarray(np.maximum(light, usual[:, None]) - usual[:, None], np.uint8)
 
 
 def light_on_circle(background: Light, ring: Ring) -> float:

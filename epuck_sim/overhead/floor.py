@@ -11,7 +11,7 @@ from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.geometry import contains, is_convex, polygon_area
 from epuck_sim.overhead.camera import Picture
-from epuck_sim.overhead.light import is_lit
+from epuck_sim.overhead.rings import is_lit
 
 # corners that are given
 MIN_SIDE = 0.1  # of the floor, as a fraction of the picture's shorter side; rings are not located on less

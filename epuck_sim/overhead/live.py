@@ -23,7 +23,7 @@ from epuck_sim.overhead.calibration import DESCRIBED, TrackOptions, calibrate
 from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper, read_lens
 from epuck_sim.overhead.film import FilmWriter, film_file
 from epuck_sim.overhead.flashes import RingCounter
-from epuck_sim.overhead.light import is_lit
+from epuck_sim.overhead.rings import is_lit
 from epuck_sim.overhead.track import Track, analyse, ring_writer, track_frames
 from epuck_sim.util.atomic_write import growing_text
 from epuck_sim.util.machine import HOST, check_port

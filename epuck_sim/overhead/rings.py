@@ -1,6 +1,6 @@
-"""Finds the lit rings in a picture of the overhead camera (thesis 4.3.1).
+"""Finds the lit rings in a picture of the overhead camera (thesis 4.3.1), by their light apart from the room's.
 
-The light is rectified to a view from straight above. A matched filter on a coarse grid finds candidates. From the
+That light is rectified to a view from straight above. A matched filter on a coarse grid finds candidates. From the
 brightest on, each candidate is a ring if a circle of the right size is lit nearly all round, is hollow, and does not
 overlap the rings found before: robots may touch, but not overlap.
 """
@@ -14,8 +14,14 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
-from epuck_sim.overhead.camera import CameraModel, Light
-from epuck_sim.overhead.light import median
+from epuck_sim.overhead.camera import CameraModel, Frame, Light, Picture
+
+# the light
+LIT_LEVEL = 40  # median level of a picture's darkest colour from which the room is lit: haze of rings is coloured
+LIT_SAMPLES = 80  # pixels along the shorter side that are examined for whether the room is lit
+LEAST_LIGHT = 12  # level from which a pixel shows light; noise in the dark hardly reaches it
+RISE_PER_S = 10.0  # levels by which the background follows light that stays; a flash of half a second adds 5 of 255
+SPARSE = 8  # distance of the pixels, across and down, by which the usual level of the background is measured
 
 # the view from above
 COARSE_PER_CM = 2  # cells per cm of the coarse grid in which rings are searched; a ring is 14 cells wide
@@ -77,6 +83,65 @@ _ROUND = np.column_stack([np.ones(BINS), np.cos(_ANGLES), np.sin(_ANGLES)])
 _DESIGN = np.column_stack([_ROUND, np.cos(2 * _ANGLES), np.sin(2 * _ANGLES)])
 _ROWS = np.arange(BINS)
 _FROM_LED_TO_LED = np.ones((LED_BINS, 1), np.uint8)
+
+
+def is_lit(picture: Picture) -> bool:
+    """Return whether the room's lights are on, judged by the picture's middle; the table around may be black."""
+    rows, columns, _ = picture.shape
+    step = max(min(rows, columns) // LIT_SAMPLES, 1)
+    middle = picture[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step]
+    red, green, blue = np.moveaxis(middle, -1, 0)
+    return median(np.minimum(np.minimum(red, green), blue)) >= LIT_LEVEL
+
+
+def median(levels: npt.NDArray[np.uint8]) -> float:
+    """Return the median of some levels, for which NumPy's function takes several times as long."""
+    below, above = (levels.size - 1) // 2, levels.size // 2
+    ordered = np.partition(levels, (below, above), axis=None)
+    return (float(ordered[below]) + float(ordered[above])) / 2
+
+
+def ring_light(picture: Picture) -> tuple[Light, bool]:
+    """Return the light of rings in a picture, and whether the room is lit.
+
+    It is the mean of the colours: a ring that burns out in one still has its shape in the others. In a lit room it is
+    their difference: grey things are no rings.
+    """
+    red, green, blue = cv2.split(picture)
+    if is_lit(picture):
+        most, least = (combine(combine(red, green), blue) for combine in (cv2.max, cv2.min))
+        return np.asarray(cv2.subtract(most, least), np.uint8), True
+    mean = cv2.addWeighted(cv2.addWeighted(red, 1 / 2, green, 1 / 2, 0), 2 / 3, blue, 1 / 3, 0)
+    return np.asarray(mean, np.uint8), False
+
+
+class Background:
+    """Learns the background of the dark frames of a film: the least light of each pixel, which rises slowly.
+
+    What goes off leaves the background at once, what goes on joins it within half a minute.
+    """
+
+    def __init__(self, levels: Light | None = None) -> None:
+        """Begin with what is known of it."""
+        self.levels = levels
+        self._rise = self._last_s = 0.0
+
+    def light_beyond(self, frame: Frame) -> tuple[Light, bool]:
+        """Learn from the next frame; return the light of its rings, and whether the room is lit, without background."""
+        light, room_is_lit = ring_light(frame.picture)
+        if room_is_lit:
+            return light, True
+        levels = np.zeros_like(light) if self.levels is None else self.levels
+        self._rise += RISE_PER_S * min(max(frame.time_s - self._last_s, 0.0), 1.0)
+        self._last_s = frame.time_s
+        whole = int(self._rise)
+        self._rise -= whole
+        self.levels = np.asarray(cv2.min(cv2.convertScaleAbs(levels, beta=whole), light), np.uint8)
+        return np.asarray(cv2.subtract(light, self.levels), np.uint8), False
+
+    def usual(self) -> float:
+        """Return its median level, to which the even light of a room is near; 0 if there is no background yet."""
+        return 0.0 if self.levels is None else median(self.levels[::SPARSE, ::SPARSE])
 
 
 def _least_squares(design: FloatArray) -> FloatArray:

@@ -12,9 +12,8 @@ from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.geometry import box_corners
 from epuck_sim.overhead.camera import CameraModel, Frame, Picture, overhead_camera
-from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.render import ExposureSample, Renderer
-from epuck_sim.overhead.rings import Ring, RingFinder
+from epuck_sim.overhead.rings import Ring, RingFinder, ring_light
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead import webcam
 

@@ -11,8 +11,8 @@ from scipy import ndimage
 from epuck_sim import epuck
 from epuck_sim.overhead import rings as ring_finding
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.light import Background, LightMeter, is_lit, ring_light
-from epuck_sim.overhead.rings import DISC_LIGHT, RingFinder, fit_ring, rectified_view
+from epuck_sim.overhead.flashes import LightMeter
+from epuck_sim.overhead.rings import DISC_LIGHT, Background, RingFinder, fit_ring, is_lit, rectified_view, ring_light
 from tests.overhead import cameras
 from tests.overhead.cameras import APART_CM, CLEAN, camera_of, honeycomb_cell, picture_of, rings_in, scattered
 from tests.overhead.films import Score, compare, make_geometry

@@ -16,9 +16,8 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead import flashes, verdict
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Frame, Light
-from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, RingCounter, count_lit
-from epuck_sim.overhead.light import LightMeter, is_lit
-from epuck_sim.overhead.rings import DISC_LIGHT, Ring
+from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, LightMeter, RingCounter, count_lit
+from epuck_sim.overhead.rings import DISC_LIGHT, Ring, is_lit
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised, spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
 from epuck_sim.overhead.verdict import Evidence, doubts, may_be_half_a_period, objections, why_never
