@@ -72,6 +72,7 @@ def scene_options(
     arena: str | None,
     height_cm: float | None,
     corners: str | None,
+    lens: Path | None,
     period_s: float | None,
     robots: int | None,
     tags: str | None,
@@ -84,6 +85,7 @@ def scene_options(
         arena_cm=None if arena is None else parse_arena(arena),
         height_cm=height_cm,
         corners_px=None if corners is None else parse_corners(corners),
+        lens=lens,
         period_s=period_s,
         robots=robots,
         tags=dictionary,
@@ -220,7 +222,7 @@ def track(
     from epuck_sim.overhead.robots import find_robots, save_robots
     from epuck_sim.overhead.track import look_again, track_film
 
-    scene = scene_options(arena, height, corners, period, robots, tags)._replace(
+    scene = scene_options(arena, height, corners, lens, period, robots, tags)._replace(
         threshold_ms=threshold,
         order_parameter=order,
         start_s=start,
@@ -239,10 +241,10 @@ def track(
     options.check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
     if camera is not None and period is not None:
         watching = Watching(record, rings, annotate, (port or options.WEB_PORT) if web else None)
-        tracked = track_camera(camera, scene, watching, progress_bar("tracking"), print_stderr, lens)
+        tracked = track_camera(camera, scene, watching, progress_bar("tracking"), print_stderr)
     else:
         assert film is not None  # otherwise it was refused above
-        tracked = track_film(film, scene, rings, progress_bar("tracking"), lens)
+        tracked = track_film(film, scene, rings, progress_bar("tracking"))
     robots_found = find_robots(tracked) if tags is not None or any(tables.values()) else None
     print_doubts((*tracked.warnings, *(robots_found.warnings if robots_found else ())))
     print_track(tracked, robots_found, as_json=as_json)
@@ -296,7 +298,7 @@ def compare_film(
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
     loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
-    scene = scene_options(arena, height, corners, period, robots, tags)
+    scene = scene_options(arena, height, corners, lens, period, robots, tags)
     files = {}
     if plot is not None:
         from epuck_sim.figures.saving import check_files, parse_target
@@ -309,7 +311,7 @@ def compare_film(
     one = f"{loaded.name}: has {groups} groups of robots; allowed: one, to fit it to a film"
     reject_first((fit is not None and groups > 1, one))
     simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
-    track = track_film(film, scene, None, progress_bar("tracking"), lens, simulated_cm)
+    track = track_film(film, scene, None, progress_bar("tracking"), simulated_cm)
     found = find_robots(track)
     floor_cm = track.geometry.floor_cm
     print_doubts((*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings))

@@ -16,9 +16,10 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.figures.saving import parse_target, save_figure
 from epuck_sim.figures.style import add_shared_legend, make_logarithmic
+from epuck_sim.overhead.annotate import TrackedFrame
 from epuck_sim.overhead.compare import ROUNDING, QuantityComparison
 from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
-from epuck_sim.overhead.track import Snapshot, Track
+from epuck_sim.overhead.track import Track
 from epuck_sim.util.messages import counted
 
 COLUMNS = ("time_s", "periods", "count", "spread_ms")
@@ -31,7 +32,7 @@ BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#5a0096", "#00e5f
 TRIALS, FILM = "0.6", "#d62728"
 
 
-def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None) -> list[Path]:
+def save_track_figure(png: Path, track: Track, snapshot: TrackedFrame | None = None) -> list[Path]:
     """Draw the figure of a tracked film as FILE.png, with a snapshot if there is one, and its evaluations as FILE.csv.
 
     EpuckSimError is raised if one of the files cannot be written.
@@ -43,7 +44,7 @@ def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None)
     return save_figure(parse_target(png), lambda: draw_track(track, snapshot), {".csv": csv_text(COLUMNS, rows)})
 
 
-def draw_track(track: Track, snapshot: Snapshot | None = None) -> Figure:
+def draw_track(track: Track, snapshot: TrackedFrame | None = None) -> Figure:
     """Return the figure: snapshots of the histogram, then the counts and the spreads of the whole film.
 
     The first row of snapshots shows the first period; the second shows evaluations from the first one to synchrony; the
@@ -61,14 +62,14 @@ def draw_track(track: Track, snapshot: Snapshot | None = None) -> Figure:
     return figure
 
 
-def _draw_picture(page: SubFigure, track: Track, snapshot: Snapshot) -> None:
+def _draw_picture(page: SubFigure, track: Track, snapshot: TrackedFrame) -> None:
     panel = page.subplots()
-    panel.imshow(snapshot.picture)
-    for column, row, radius in snapshot.rings_px:
-        panel.add_patch(Circle((column, row), radius, fill=False, color=FOUND, linewidth=2))
-    rings = counted(len(snapshot.rings_px), "ring")
+    panel.imshow(snapshot.frame.picture)
+    for ring in snapshot.rings:
+        panel.add_patch(Circle((ring.x_px, ring.y_px), ring.radius_px, fill=False, color=FOUND, linewidth=2))
+    rings = counted(len(snapshot.rings), "ring")
     panel.set(xticks=[], yticks=[])
-    panel.set_title(f"{track.periods_at(snapshot.time_s):.1f} periods: {rings}", fontsize="medium")
+    panel.set_title(f"{track.periods_at(snapshot.frame.time_s):.1f} periods: {rings}", fontsize="medium")
 
 
 def _draw_snapshots(page: SubFigure, track: Track) -> None:

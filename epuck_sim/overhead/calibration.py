@@ -7,6 +7,7 @@ to place. So rings tell the distortion and the tilt; corners tell the place of t
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
 import cv2
@@ -28,6 +29,7 @@ from epuck_sim.overhead.camera import (
     Lens,
     Light,
     overhead_camera,
+    read_lens,
     simple_lens,
 )
 from epuck_sim.overhead.floor import check_corners, find_corners
@@ -110,8 +112,8 @@ class TrackOptions(NamedTuple):
     order_parameter: float | None = None
     """Order parameter of the onsets at which the swarm counts as synchronised; 0.95 if it is None."""
 
-    lens: Lens | None = None
-    """The lens, if it was calibrated."""
+    lens: Path | None = None
+    """The file of the lens, if it was calibrated."""
     tags: str | None = None
     """Dictionary of the ArUco tags on top of robots, by which they are told apart."""
     tag_numbers: frozenset[int] | None = None
@@ -195,8 +197,9 @@ def calibrate(
     `most_frames` at most once the room is dark, for which it is waited for `most_lit_s`.
 
     Raises:
-        FilmError: The options make no sense, or the film shows neither a floor nor a ring.
+        FilmError: The options make no sense, the lens is no such camera's, or the film shows neither floor nor ring.
     """
+    lens = None if options.lens is None else read_lens(options.lens, size_px)
     floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)
     above_cm = options.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(floor_cm)
     if above_cm < MIN_HEIGHT_CM:
@@ -215,7 +218,7 @@ def calibrate(
             "long that rings are discs? If there are rings, give the floor's corners by --corners, which determine "
             "their size"
         )
-    found = fit_camera(size_px, floor_cm, above_cm, rings, corners, options.lens)
+    found = fit_camera(size_px, floor_cm, above_cm, rings, corners, lens)
     if corners is not None and not is_given:
         found = found._replace(calibration=LIGHT)
     if found.tilt_deg > MAX_TILT_DEG:

@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import chain
@@ -20,7 +20,7 @@ import numpy as np
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import DESCRIBED, TrackOptions, calibrate
-from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper, read_lens
+from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper
 from epuck_sim.overhead.film import FilmWriter, film_file
 from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.rings import is_lit
@@ -64,7 +64,6 @@ def track_camera(
     watching: Watching,
     progress: ProgressWrapper,
     tell: Callable[[str], None],
-    lens: Path | None = None,
 ) -> Track:
     """Track camera `number`, whose oscillators have a known period, until the swarm is synchronised, or until Ctrl-C.
 
@@ -82,9 +81,7 @@ def track_camera(
         outputs = _Outputs(live, watching, options, Annotator(live.width_px, live.height_px, period_s), files)
         if outputs.page is not None:
             tell(f"{outputs.page.address} shows {live.name}")
-        size_px = (live.width_px, live.height_px)
-        if lens is not None:
-            options = options._replace(lens=read_lens(lens, size_px))
+        size_px = live.width_px, live.height_px
         head: deque[Frame] = deque(maxlen=HEAD_FRAMES)  # frames read for the calibration are tracked, too
         waiting = _wait(live, outputs, head, tell)
         counter = RingCounter(calibrate(live.name, size_px, waiting, options, LIVE_FRAMES, LIVE_LIT_S))
@@ -127,7 +124,7 @@ class _Outputs:
         self, live: "LiveCamera", to: Watching, known: TrackOptions, annotator: Annotator, files: ExitStack
     ) -> None:
         self._name, self._to, self._annotator, self._files = live.name, to, annotator, files
-        self.page = None if to.port is None else files.enter_context(live_page(live.name, to.port))
+        self.page = None if to.port is None else files.enter_context(LivePage(live.name, to.port))
         told = {name: getattr(known, name) for name in DESCRIBED}
         self._film = self._begin_film(to.record, live, {"epuck_sim": versions()["epuck_sim"], **told})
 
@@ -268,17 +265,28 @@ class LiveCamera:
 
 
 class LivePage(ThreadingHTTPServer):
-    """Serves the newest picture of a film to browsers on this machine that ask for it; `live_page` makes one."""
+    """Serves a page with the newest picture of a film, for the duration of a block, to browsers on this machine."""
 
     daemon_threads = True
     jpeg = b""
     """The newest picture, coded; empty before the first one."""
 
     def __init__(self, title: str, port: int) -> None:
-        """Begin to listen."""
+        """Begin to listen at a port, 0 for any that is free; raise PortError where it cannot be used."""
+        check_port(port)
         super().__init__((HOST, port), _Answer)
         self.html = PAGE.format(title=escape(title)).encode()
         self.address = f"http://{HOST}:{self.server_port}/"
+        self._thread = threading.Thread(target=self.serve_forever, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.shutdown()
+        self._thread.join()
+        self.server_close()
 
     def show(self, picture: Picture) -> None:
         """Show a picture, (height_px, width_px, 3) levels, in all browsers; those that read slowly miss some."""
@@ -304,21 +312,3 @@ class _Answer(BaseHTTPRequestHandler):
 
     def log_message(self, *_: object) -> None:
         """Keep the terminal for what is told of the film."""
-
-
-@contextmanager
-def live_page(title: str, port: int) -> Iterator[LivePage]:
-    """Serve a page with the newest picture; port: where, 0 for any that is free.
-
-    Raises:
-        PortError: The port cannot be used.
-    """
-    check_port(port)
-    with LivePage(title, port) as page:
-        thread = threading.Thread(target=page.serve_forever, daemon=True)
-        thread.start()
-        try:
-            yield page
-        finally:
-            page.shutdown()
-            thread.join()

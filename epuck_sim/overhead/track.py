@@ -15,7 +15,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
-from epuck_sim.overhead.camera import Frame, Geometry, Picture, ProgressWrapper, read_lens
+from epuck_sim.overhead.camera import Frame, Geometry, ProgressWrapper
 from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.flashes import (
     REACH_CM,
@@ -125,27 +125,16 @@ class Track(NamedTuple):
         return (time_s - self.start_s) / self.period_s
 
 
-class Snapshot(NamedTuple):
-    """A frame of a film, and the rings found in it."""
-
-    time_s: float
-    picture: Picture
-    rings_px: FloatArray
-    """(rings, 3) px: column, row, radius."""
-
-
 def track_film(
     name: str,
     options: TrackOptions,
     rings: Path | None,
     progress: ProgressWrapper,
-    lens: Path | None = None,
     floor_cm: tuple[float, float] | None = None,
 ) -> Track:
     """Track a film, given as a path or an address, and write a CSV table of all rings in all frames if it is wanted.
 
-    `lens` is the file of a calibrated lens, `floor_cm` the floor's width and height if neither the options nor the
-    film's description have them.
+    `floor_cm` is the floor's width and height if neither the options nor the film's description have them.
 
     Raises:
         FilmError: The film cannot be read, or shows no swarm.
@@ -153,8 +142,6 @@ def track_film(
     """
     with open_film(name) as film, ExitStack() as files:
         size_px, metadata = (film.width_px, film.height_px), parse_metadata(film.description)
-        if lens is not None:
-            options = options._replace(lens=read_lens(lens, size_px))
         geometry = described_geometry(size_px, options, metadata)
         doubts = options.contradictions(metadata)
         if film.is_pictures and options.fps is None:
@@ -199,18 +186,18 @@ def track_frames(
         yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)
 
 
-def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) -> Snapshot:
+def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) -> TrackedFrame:
     """Write a tracked film again, if it is wanted, with the rings found and the histogram drawn; raises as `film_file`.
 
     Returns:
-        The frame in which it is synchronised by the histogram, or else the last one.
+        The frame in which it is synchronised by the histogram, or else the last one, without rings that stay lit.
     """
     camera = track.geometry.camera
     annotator = Annotator(camera.width_px, camera.height_px, track.period_s)
     evaluations = deque(track.evaluations)
     sync_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
     begins_s = track.times_s[track.times_s <= sync_s][-1]  # of the frame that stands for that moment
-    found: tuple[Frame, Sequence[Ring]] | None = None
+    found: TrackedFrame | None = None
     shown_s: float | None = None
     size_px = annotator.width_px, annotator.height_px
     about = {"annotated": True}
@@ -218,23 +205,22 @@ def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) 
     with open_film(track.film) as film, to as writer:
         frames = progress(excerpt(film.frames(), track.options), film.duration_s)
         for frame, rings in zip(frames, track.rings, strict=False):
-            if found is None and frame.time_s >= begins_s:
-                found = frame, rings
-            if writer is None and found is not None:
-                break
             is_due = evaluations and evaluations[0].time_s + track.period_s / 2 <= frame.time_s
             evaluation = evaluations.popleft() if is_due else None
             if evaluation is not None and evaluation.time_s >= sync_s - SAME_TIME_S:
                 shown_s = sync_s
             start_s = track.start_s if frame.time_s >= track.start_s else 0.0
+            tracked = TrackedFrame(frame, rings, start_s, evaluation, shown_s)
+            if found is None and frame.time_s >= begins_s:
+                found = tracked
             if writer is not None:
-                picture = annotator.annotate(TrackedFrame(frame, rings, start_s, evaluation, shown_s))
-                writer.write(Frame(frame.time_s, picture))
+                writer.write(Frame(frame.time_s, annotator.annotate(tracked)))
+            elif found is not None:
+                break
     assert found is not None, "the film has the frames that it had before"
-    frame, rings = found
-    steady_cm = [(flash.x_cm, flash.y_cm) for flash in track.steady if flash.onset_s <= frame.time_s <= flash.end_s]
-    shown = [ring[3:6] for ring in rings if all(math.dist(ring[:2], place_cm) > REACH_CM for place_cm in steady_cm)]
-    return Snapshot(frame.time_s, frame.picture, np.array(shown).reshape(-1, 3))
+    steady_cm = [each[2:4] for each in track.steady if each.onset_s <= found.frame.time_s <= each.end_s]
+    flashing = [ring for ring in found.rings if all(math.dist(ring[:2], each) > REACH_CM for each in steady_cm)]
+    return found._replace(rings=flashing)
 
 
 def ring_writer(file: TextIO | None) -> Callable[[Frame, Sequence[Ring]], None]:

@@ -11,8 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, StepPatch
 
 from epuck_sim.figures.films import ACROSS, COLUMNS, FOUND, MARK, choose_moments, draw_track, save_track_figure
+from epuck_sim.overhead.annotate import TrackedFrame
+from epuck_sim.overhead.camera import Frame
+from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised
-from epuck_sim.overhead.track import Snapshot, Track
+from epuck_sim.overhead.track import Track
 from tests.overhead.films import TRACK, counted, even
 
 PERIOD = 5.0
@@ -41,7 +44,8 @@ def make_track(cycles: int, narrow_from: int | None = None, seconds: float | Non
     )
 
 
-PICTURE = Snapshot(9.0, np.zeros((48, 64, 3), np.uint8), np.array([[10.0, 20.0, 6.0], [40.0, 30.0, 6.5]]))
+RINGS = [Ring(0.0, 0.0, 3.5, 10.0, 20.0, 6.0), Ring(0.0, 0.0, 3.5, 40.0, 30.0, 6.5)]
+PICTURE = TrackedFrame(Frame(9.0, np.zeros((48, 64, 3), np.uint8)), RINGS, START, None, None)
 LONG = make_track(20, narrow_from=12)
 
 
@@ -93,7 +97,7 @@ def test_snapshots_and_panels_show_counts_spreads_synchrony_the_threshold_and_ri
     assert told == ["threshold: 126 ms", f"by the histogram: {cycles:.1f} periods"]
     first = panels(draw_track(LONG, PICTURE))[0]
     circles = [each for each in first.patches if isinstance(each, Circle)]
-    assert [(*circle.center, circle.radius) for circle in circles] == [tuple(ring) for ring in PICTURE.rings_px]
+    assert [(*circle.center, circle.radius) for circle in circles] == [ring[3:6] for ring in RINGS]
     assert all(to_hex(circle.get_edgecolor()) == FOUND for circle in circles)
     assert first.get_title() == "1.4 periods: 2 rings"
 

@@ -22,7 +22,7 @@ from epuck_sim.errors import FilmError, PortError
 from epuck_sim.overhead import live
 from epuck_sim.overhead.calibration import RINGS, TrackOptions, parse_metadata
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.live import LiveCamera, UnpluggedError, Watching, live_page, track_camera
+from epuck_sim.overhead.live import LiveCamera, LivePage, UnpluggedError, Watching, track_camera
 from epuck_sim.overhead.track import Track
 from tests.cli.films import frames_and_description
 from tests.overhead.cameras import floor_corners
@@ -289,7 +289,7 @@ def decoded(jpeg: bytes) -> Any:
 
 def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends(capfd: pytest.CaptureFixture[str]) -> None:
     red, before = np.full((40, 60, 3), (200, 0, 0), np.uint8), threading.active_count()
-    with live_page("camera <7>", 0) as page:
+    with LivePage("camera <7>", 0) as page:
         port = int(page.address.split(":")[2].strip("/"))
         assert "<title>camera &lt;7&gt;</title>" in read(page.address, f"localhost:{port}").decode()
         for path in ("", "film"):
@@ -298,7 +298,7 @@ def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends(capfd:
         assert read(page.address + "film") == b""  # not yet
         page.show(red)
         shown = decoded(read(page.address + "film?1"))
-        with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
+        with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), LivePage("two", port):
             pass
         assert threading.active_count() > before
         page.show(np.random.default_rng(0).integers(0, 256, (2000, 2000, 3), np.uint8))

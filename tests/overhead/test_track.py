@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from docs.figures.overhead_confidence import examine
-from epuck_sim.epuck import RING_HEIGHT_CM
 from epuck_sim.overhead import annotate
 from epuck_sim.overhead.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, WHITE, Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
@@ -56,8 +55,8 @@ def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
     truth = ((time_s, PLACES[on], np.empty((0, 2))) for time_s, on in zip(1 + TIMES, LIT, strict=True))
     score = score_rows(read_rings(tmp_path / "rings.csv"), truth)
     assert (score.found, score.missed, score.false, score.worst_cm <= 0.3) == (LIT.sum(), 0, 0, True)
-    assert look_again(track, None, passed).time_s == pytest.approx(3.5, abs=0.1)
-    assert len(look_again(track, None, passed).rings_px) == 6
+    assert look_again(track, None, passed).frame.time_s == pytest.approx(3.5, abs=0.1)
+    assert len(look_again(track, None, passed).rings) == 6
 
 
 def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path) -> None:
@@ -88,18 +87,16 @@ def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_p
 
 def test_snapshot_shows_all_rings_of_the_moment_but_those_that_stay_lit(tracked: Track) -> None:
     shown = look_again(tracked, None, passed)
-    assert shown.time_s == pytest.approx(2.5 + 1 / 30, abs=1e-3)
+    assert shown.frame.time_s == pytest.approx(2.5 + 1 / 30, abs=1e-3)
     ring_px = films.make_camera().project(np.column_stack([PLACES, np.full(6, 4.0)]))
-    away = np.linalg.norm(shown.rings_px[:, None, :2] - ring_px, axis=2)
+    away = np.linalg.norm(np.array([ring[3:5] for ring in shown.rings])[:, None] - ring_px, axis=2)
     assert away.shape == (6, 6)
     assert (away.min(axis=0) <= 1).all()
     never = look_again(tracked._replace(histogram_s=None), None, passed)
-    assert never.time_s == pytest.approx(TIMES[-1], abs=1e-4)
-    x_px, y_px, _ = shown.rings_px[0]
-    (x_cm, y_cm), *_ = tracked.geometry.camera.back_project(np.array([[x_px, y_px]]), RING_HEIGHT_CM)
-    lamp = Flash(0.0, math.inf, float(x_cm), float(y_cm), 80.0)
+    assert never.frame.time_s == pytest.approx(TIMES[-1], abs=1e-4)
+    lamp = Flash(0.0, math.inf, *shown.rings[0][:2], 80.0)
     for steady, seen in ((lamp, 5), (lamp._replace(end_s=0.1), 6)):
-        assert len(look_again(tracked._replace(steady=(steady,)), None, passed).rings_px) == seen
+        assert len(look_again(tracked._replace(steady=(steady,)), None, passed).rings) == seen
 
 
 def test_annotation_says_what_the_track_says(tracked: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
