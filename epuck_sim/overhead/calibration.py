@@ -275,13 +275,12 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
 
     Reading ends when there are enough, or `most_frames` after the first frame with a ring.
     """
-    survey = _Survey()
-    first: Light | None = None
+    survey, first = _Survey(), background.levels
     last_s, last_lit_px, since = -math.inf, 0, 0
     for frame in frames:
         if first is None and not is_lit(frame.picture):
             first, _ = ring_light(frame.picture)
-            background.levels = first if background.levels is None else background.levels
+            background.levels = first
         since += bool(survey.found)
         light, room_is_lit = background.light_beyond(frame)
         if room_is_lit:

@@ -329,7 +329,7 @@ class RectifiedView(NamedTuple):
         smooth = cv2.blur(light, (self.smooth_px, self.smooth_px))
         coarse = cv2.remap(smooth, *self.coarse, cv2.INTER_LINEAR)
         coarse = _close_gaps(np.asarray(coarse, np.uint8), gaps_cm * COARSE_PER_CM)
-        return np.asarray(cv2.filter2D(coarse, cv2.CV_32F, _RING_FILTER), np.float32)
+        return np.asarray(cv2.filter2D(coarse.astype(np.float32), cv2.CV_32F, _RING_FILTER), np.float32)
 
     def candidates(self, response: Float32Array, least: float) -> FloatArray:
         """Return (n, 2) columns and rows of cells whose response is highest within 1 cm, in descending order."""

@@ -18,7 +18,6 @@ of their density, to a fraction of a frame.
 import math
 from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -110,11 +109,6 @@ def is_synchronised(evaluation: Evaluation, threshold_s: float) -> bool:
     """Return whether the spread is at most the threshold, in a period with enough coverage, by more than one ring."""
     is_narrow = evaluation.spread_s <= threshold_s and evaluation.coverage >= MIN_COVERAGE
     return is_narrow and evaluation.rings >= MIN_RINGS
-
-
-def first_synchronised(evaluations: Iterable[Evaluation], threshold_s: float) -> Evaluation | None:
-    """Return the first evaluation that shows synchrony; None if none does."""
-    return next((each for each in evaluations if is_synchronised(each, threshold_s)), None)
 
 
 def firing_spread_s(period_s: float, order_parameter: float = ORDER_PARAMETER) -> float:

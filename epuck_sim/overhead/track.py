@@ -13,6 +13,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
+from epuck_sim.overhead import synchrony
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
 from epuck_sim.overhead.camera import Frame, Geometry, ProgressWrapper
@@ -28,16 +29,6 @@ from epuck_sim.overhead.flashes import (
     join_broken,
 )
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.synchrony import (
-    ORDER_PARAMETER,
-    Evaluation,
-    SynchronyDetector,
-    estimate_flash_s,
-    estimate_period_s,
-    evaluate,
-    first_synchronised,
-    is_synchronised,
-)
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
 from epuck_sim.util.atomic_write import atomic_write
@@ -103,7 +94,7 @@ class Track(NamedTuple):
     """Sentences about what is doubtful."""
     times_s: FloatArray
     counts: IntArray
-    evaluations: tuple[Evaluation, ...]
+    evaluations: tuple[synchrony.Evaluation, ...]
     flashes: tuple[Flash, ...]
     """As in `CountedRings`, like times, counts, rings and geometry, but without those of rings that are always lit."""
     steady: tuple[Flash, ...]
@@ -171,18 +162,18 @@ def track_frames(
     frames: Iterable[Frame], counter: RingCounter, period_s: float, options: TrackOptions
 ) -> Iterator[TrackedFrame]:
     """Process frames one by one as they are asked for, with the threshold that `analyse` would choose by then."""
-    detector: SynchronyDetector | None = None
+    detector: synchrony.SynchronyDetector | None = None
     histogram_s = None
     for frame in frames:
         start_before_s = counter.start_s
         rings = counter.process(frame)
         if detector is None or counter.start_s != start_before_s:
-            detector, histogram_s = SynchronyDetector(period_s), None
+            detector, histogram_s = synchrony.SynchronyDetector(period_s), None
         steady = counter.linker.lit_since(frame.time_s - period_s / 2)  # rings that stay lit do not count
         evaluation = detector.update(frame.time_s, max(0, len(rings) - steady))
         if evaluation is not None and histogram_s is None:
             threshold_s = options.threshold_s(period_s, _flash_s(*counter.lit, period_s))
-            histogram_s = evaluation.time_s if is_synchronised(evaluation, threshold_s) else None
+            histogram_s = evaluation.time_s if synchrony.is_synchronised(evaluation, threshold_s) else None
         yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)
 
 
@@ -253,7 +244,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     if len(times_s) < 2:
         raise FilmError(f"{film}: its trial is one frame long; allowed: two or more, preferably several periods")
     flashes, steady, counts = without_steady(counted.flashes, times_s, counted.counts, options.period_s)
-    period_s = options.period_s or estimate_period_s(times_s, counts)
+    period_s = options.period_s or synchrony.estimate_period_s(times_s, counts)
     if period_s is None:
         raise FilmError(
             f"{film}: the period cannot be estimated from {times_s[-1] - times_s[0]:.3g} s of film, because the "
@@ -262,8 +253,8 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     flash_s = _flash_s(times_s, counts, period_s)
     flashes = join_broken(flashes, flash_s)
     threshold_s = options.threshold_s(period_s, flash_s)
-    evaluations = evaluate(times_s, counts, period_s)
-    sync = first_synchronised(evaluations, threshold_s)
+    evaluations = synchrony.evaluate(times_s, counts, period_s)
+    sync = next((each for each in evaluations if synchrony.is_synchronised(each, threshold_s)), None)
     lit_always = count_places([*(ring[:2] for ring in counted.always_lit), *(each[2:4] for each in steady)])
     evidence = Evidence(
         counted=counted._replace(counts=counts, flashes=flashes),
@@ -273,7 +264,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
         sync=sync,
         robots=options.robots,
         period_is_given=options.period_s is not None,
-        order_parameter=options.order_parameter or ORDER_PARAMETER,
+        order_parameter=options.order_parameter or synchrony.ORDER_PARAMETER,
     )
     in_order_s = evidence.in_order_s
     reasons, found = objections(evidence), doubts(evidence)
@@ -338,4 +329,4 @@ def without_steady(
 
 
 def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:
-    return estimate_flash_s(times_s, counts) or FLASH_FRACTION * period_s
+    return synchrony.estimate_flash_s(times_s, counts) or FLASH_FRACTION * period_s

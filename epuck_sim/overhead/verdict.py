@@ -7,20 +7,9 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead import LEAST_ORDER
+from epuck_sim.overhead import LEAST_ORDER, synchrony
 from epuck_sim.overhead.flashes import CountedRings, FlashTable
 from epuck_sim.overhead.rings import DISC_LIGHT
-from epuck_sim.overhead.synchrony import (
-    MIN_COVERAGE,
-    ORDER_PARAMETER,
-    Evaluation,
-    Periods,
-    evaluate,
-    frame_ends,
-    order_at_end,
-    pairs_within,
-    whole_periods,
-)
 
 MOST = 0.75  # share of the robots that counts as most of them
 MOST_OF_USUAL = 0.6  # the same where their number is not known, relative to the flashes in a usual period
@@ -61,12 +50,12 @@ class Evidence(NamedTuple):
     """Number of places with such lights."""
     period_s: float
     threshold_s: float
-    sync: Evaluation | None
+    sync: synchrony.Evaluation | None
     """The first evaluation of the histogram that shows synchrony."""
     robots: int | None
     """Number of robots, if it is given."""
     period_is_given: bool
-    order_parameter: float = ORDER_PARAMETER
+    order_parameter: float = synchrony.ORDER_PARAMETER
     """Order parameter from which the swarm is synchronised."""
 
     @property
@@ -80,9 +69,9 @@ class Evidence(NamedTuple):
         return float(self.counted.times_s[0]), float(self.counted.times_s[-1])
 
     @property
-    def periods(self) -> Periods:
+    def periods(self) -> synchrony.Periods:
         """The whole periods around flashes that hold those of most robots."""
-        return whole_periods(self.flashes.onset_s, self.period_s, self.span_s, self.usual_flashes)
+        return synchrony.whole_periods(self.flashes.onset_s, self.period_s, self.span_s, self.usual_flashes)
 
     @property
     def in_order_s(self) -> float | None:
@@ -109,7 +98,7 @@ class Evidence(NamedTuple):
     def flashes_per_period(self) -> float:
         """Mean number of flashes in a period, over the time without gaps between frames."""
         times_s = self.counted.times_s
-        seen_s = float((frame_ends(times_s, times_s[-1]) - times_s).sum())
+        seen_s = float((synchrony.frame_ends(times_s, times_s[-1]) - times_s).sum())
         return len(self.counted.flashes) / seen_s * self.period_s
 
     @property
@@ -137,7 +126,7 @@ def objections(evidence: Evidence) -> list[str]:
     if not found and at_s is None:
         if evidence.span_s[1] - evidence.span_s[0] < period_s:
             return [f"no whole period of {period_s:.4g} s was seen; check --period-s, or film for longer"]
-        near = order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
+        near = synchrony.order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
         if near >= NEAR_ORDER:
             least = math.floor(100 * near) / 100
             found.append(
@@ -183,7 +172,7 @@ def moves_cm(evidence: Evidence) -> tuple[float, float]:
     onsets_s, places_cm, period_s = evidence.flashes.onset_s, evidence.flashes.places_cm, evidence.period_s
     after = np.full((2, len(onsets_s)), np.inf)
     for nearest, delay_s in zip(after, (period_s, 2 * period_s), strict=True):
-        first, then = pairs_within(onsets_s, onsets_s, (delay_s - period_s / 4, delay_s + period_s / 4))
+        first, then = synchrony.pairs_within(onsets_s, onsets_s, (delay_s - period_s / 4, delay_s + period_s / 4))
         np.minimum.at(nearest, first, np.hypot(*(places_cm[then] - places_cm[first]).T))
     both = after[:, np.isfinite(after).all(axis=0)]
     one_cm, two_cm = np.median(both, axis=1).tolist() if both.shape[1] >= FEW else (0.0, 0.0)
@@ -196,8 +185,8 @@ def _about_light(evidence: Evidence) -> list[str]:
     by_light = np.rint(rings_by_light(counted.areas_px, counted.counts)).astype(np.int64)
     if not by_light.any():
         return []
-    found = evaluate(counted.times_s, by_light, evidence.period_s)
-    whole = [each for each in found if each.coverage >= MIN_COVERAGE]
+    found = synchrony.evaluate(counted.times_s, by_light, evidence.period_s)
+    whole = [each for each in found if each.coverage >= synchrony.MIN_COVERAGE]
     narrow_s = [each.time_s for each in whole if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
     sync_s, late_s = math.inf if sync is None else sync.time_s, LATE_PERIODS * evidence.period_s
     near_s = [each.spread_s for each in whole if abs(each.time_s - sync_s) <= late_s]
@@ -330,7 +319,7 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
             found.append(f"{seen}, and the number of robots, by which flashes are divided, is not known; give --robots")
     begin_s, end_s = evidence.span_s
     span_s = begin_s, evidence.in_order_s or -math.inf
-    before = whole_periods(evidence.flashes.onset_s, period_s, span_s, 0.0).numbers
+    before = synchrony.whole_periods(evidence.flashes.onset_s, period_s, span_s, 0.0).numbers
     usual = float(np.median(before)) if len(before) > ENOUGH_BEFORE * swarm else swarm
     if usual < swarm and not found:
         found.append(

@@ -14,7 +14,7 @@ from epuck_sim.figures.films import ACROSS, COLUMNS, FOUND, MARK, choose_moments
 from epuck_sim.overhead.annotate import TrackedFrame
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.synchrony import evaluate, first_synchronised
+from epuck_sim.overhead.synchrony import evaluate, is_synchronised
 from epuck_sim.overhead.track import Track
 from tests.overhead.films import TRACK, counted, even
 
@@ -30,7 +30,7 @@ def make_track(cycles: int, narrow_from: int | None = None, seconds: float | Non
     onsets = [START + 3 + PERIOD * cycle + width * np.arange(10) for cycle, width in enumerate(widths)]
     counts = counted(np.array(onsets), 0.375, times)
     found = evaluate(times, counts, PERIOD)
-    sync = first_synchronised(found, THRESHOLD)
+    sync = next((each for each in found if is_synchronised(each, THRESHOLD)), None)
     at_s = None if sync is None else sync.time_s
     return TRACK._replace(
         times_s=times,

@@ -73,11 +73,9 @@ def test_evaluations_are_those_of_the_slow_twin(film, period):
         assert one == pytest.approx(other, abs=1e-9)
 
 
-def test_evaluations_come_half_a_period_after_their_mode_and_the_first_narrow_one_is_the_time_of_synchrony():
+def test_evaluations_come_half_a_period_after_their_mode_and_narrow_ones_of_several_rings_show_synchrony():
     found = [Evaluation(time, 9, spread, 1.0) for time, spread in ((3, 0.3), (8, 0.125), (13, 0.1))]
-    assert synchrony.first_synchronised(found, 0.125) is found[1]
-    assert synchrony.first_synchronised(found, 0.09) is None
-    assert synchrony.first_synchronised([], 0.125) is None
+    assert [synchrony.is_synchronised(each, 0.125) for each in found] == [False, True, True]
     just = Evaluation(3.0, 2, 0.125, synchrony.MIN_COVERAGE)
     assert synchrony.is_synchronised(just, 0.125)
     assert not synchrony.is_synchronised(just._replace(rings=1), 0.125)  # a lone flash is in step with nobody

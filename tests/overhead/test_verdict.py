@@ -18,7 +18,7 @@ from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Frame, Light
 from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, LightMeter, RingCounter, count_lit
 from epuck_sim.overhead.rings import DISC_LIGHT, Ring, is_lit
-from epuck_sim.overhead.synchrony import evaluate, first_synchronised, spread_threshold_s
+from epuck_sim.overhead.synchrony import evaluate, is_synchronised, spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
 from epuck_sim.overhead.verdict import Evidence, doubts, may_be_half_a_period, objections, why_never
 from tests.overhead.films import counted, make_geometry, uneven
@@ -265,7 +265,8 @@ def seen(known: Evidence, flashes: tuple[Flash, ...], flash_s: float = 0.1, area
     """Return evidence with other flashes, and an area of 100 px for each of them or another one."""
     counts = counted(np.array([each.onset_s for each in flashes]), flash_s, TIMES)
     rings = known.counted._replace(counts=counts, areas_px=100 * counts if area is None else area, flashes=flashes)
-    sync = first_synchronised(evaluate(TIMES, counts, known.period_s), known.threshold_s)
+    found = evaluate(TIMES, counts, known.period_s)
+    sync = next((each for each in found if is_synchronised(each, known.threshold_s)), None)
     return known._replace(counted=rings, sync=sync)
 
 
