@@ -150,8 +150,9 @@ class Renderer:
             add_points(image, self._camera, robots, light)
             return
         bloom = self._section.bloom
-        reach = reach_cm(self._light, bloom)
-        boxes = bounding_boxes(self._camera, robots[:, :2], robots[:, 5] + reach, robots[:, 6:])
+        brightest = self._light * bloom * max(COLOUR_LEVELS) / FAINT_LEVELS
+        reach = max(CORE_CM, FADE_CM * math.log(max(brightest, 1.0)))  # of core or haze that is visible
+        boxes = bounding_boxes(self._camera, robots, reach)
         add_rings(image, self._floor_cm, self._camera.position_cm, robots, boxes, light, bloom, reach)
 
     def _scene(self, samples: Sequence[ExposureSample]) -> Float32Array:
@@ -254,30 +255,19 @@ def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
     return (1 - vignetting * square).astype(np.float32)
 
 
-def bounding_boxes(
-    camera: CameraModel, centres_cm: FloatArray, radii_cm: FloatArray, heights_cm: FloatArray
-) -> IntArray:
-    """Return the pixels within which each of some upright cylinders is seen; none for those outside of the picture.
+def bounding_boxes(camera: CameraModel, robots: FloatArray, reach: float) -> IntArray:
+    """Return the pixels within which rings are seen, up to `reach`, cm; none for those outside of the picture.
 
-    Their axes are at (n, 2) cm; (n, k) heights of each are its lowest and its highest, or any between. Pixels are
-    (n, 4): first row, row after the last, first column, column after the last.
+    They are (n, 4): first row, row after the last, first column, column after the last.
     """
-    if not len(centres_cm):  # OpenCV refuses empty arrays
+    if not len(robots):  # OpenCV refuses empty arrays
         return np.empty((0, 4), np.int64)
-    octagons = centres_cm[:, None] + radii_cm[:, None, None] * _OCTAGON
-    heights = np.repeat(heights_cm.T, len(_OCTAGON), axis=1)
-    points = np.vstack([np.column_stack([octagons.reshape(-1, 2), height]) for height in heights])
-    pixels = camera.project(points).reshape(len(heights), len(centres_cm), len(_OCTAGON), 2)
-    low = np.floor(pixels.min(axis=(0, 2)))
-    high = np.ceil(pixels.max(axis=(0, 2))) + 1
+    octagons = robots[:, None, :2] + (robots[:, 5] + reach)[:, None, None] * _OCTAGON
+    points = np.column_stack([octagons.reshape(-1, 2), np.repeat(robots[:, 6], len(_OCTAGON))])
+    pixels = camera.project(points).reshape(len(robots), len(_OCTAGON), 2)
+    low, high = np.floor(pixels.min(axis=1)), np.ceil(pixels.max(axis=1)) + 1
     bounds = np.clip(np.stack([low, high], axis=-1), 0, [[camera.width_px], [camera.height_px]])
     return np.asarray(bounds[:, ::-1].reshape(-1, 4).astype(np.int64))
-
-
-def reach_cm(light: float, bloom: float) -> float:
-    """Return the distance from a ring up to which its core or haze is visible; bloom: see `add_rings`."""
-    brightest = light * bloom * max(COLOUR_LEVELS) / FAINT_LEVELS
-    return max(CORE_CM, FADE_CM * math.log(max(brightest, 1.0)))
 
 
 @jit
