@@ -149,11 +149,7 @@ def _plain(value: Any) -> str:
 
 
 def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
-    """Yield the frames of a film that the options choose, at the times that they say; after the last none is read.
-
-    Raises:
-        FilmError: The film ends before the first of them, or they end before the second.
-    """
+    """Yield the frames that options choose, at the times that they say; raise FilmError if they leave too few."""
     time_s, chosen = options.start_s, 0
     for number, frame in enumerate(frames):
         time_s = number / options.fps if options.fps else frame.time_s

@@ -285,11 +285,7 @@ def _charuco_corners(grey: Light, squares: tuple[int, int]) -> View:
 
 
 def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> LensFile:
-    """Return the lens, by OpenCV's usual or fisheye model, that shows a board as its views in a film have it.
-
-    Raises:
-        FilmError: There are too few views, or they do not determine a lens.
-    """
+    """Return the lens, usual or fisheye, that shows a board as its views have it; raise FilmError if they tell none."""
     if len(views) < MIN_VIEWS:
         raise FilmError(
             f"{name}: the board is found in {len(views)} different positions; allowed: {MIN_VIEWS} or more; check "
@@ -342,11 +338,7 @@ def _digest(lens: LensFile) -> str:
 
 
 def read_lens(path: Path, size_px: tuple[int, int]) -> Lens:
-    """Return the lens in a file for pictures of this width and height.
-
-    Raises:
-        FilmError: It is no file of a lens, or of a camera with pictures of another size.
-    """
+    """Return the lens in a file; raise FilmError if it holds none, or one for pictures of another width and height."""
     try:
         held = LensFile.model_validate_json(path.read_text())
     except FileNotFoundError as error:

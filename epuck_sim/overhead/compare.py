@@ -47,10 +47,7 @@ FEW = 3  # robots, or flashes of a robot, below which nothing is said about thei
 
 
 def fit_film(track: Track, robots: Robots) -> dict[str, Estimate]:
-    """Return what a film determines, by the keys of a scenario whose robots are all alike.
-
-    Quantities that the film does not determine are left out.
-    """
+    """Return the quantities that a film determines, by the keys of a scenario whose robots are all alike."""
     group, period_s = "robots.0.parameters", track.period_s
     speed, speeds = _fit_speeds(robots)
     fitted = {SPEED: speed}
@@ -382,11 +379,7 @@ def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> d
 
 
 def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Estimate]) -> EmbodiedScenario:
-    """Return a scenario of one group with fitted values, and an exposure that is no longer than a frame.
-
-    Raises:
-        ScenarioError: A fitted value is not allowed.
-    """
+    """Return a scenario of one group with fitted values, if they are allowed, and an exposure of a frame at most."""
     digits = {key: 3 if key.endswith(".period_s") else 6 for key in fitted}  # periods are whole milliseconds
     values = {key: round(value.value, digits[key]) for key, value in fitted.items()}
     if SPEED in values:  # which may be measured beyond what wheels can do

@@ -40,11 +40,7 @@ ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__versio
 
 @contextmanager
 def open_film(path_or_url: str) -> Iterator["Film"]:
-    """Open a file, numbered pictures (`frames_%04d.png`), or an address (`http://...`) for the duration of a block.
-
-    Raises:
-        FilmError: There is no such film, it is damaged beyond use, or none of its pictures can be decoded.
-    """
+    """Open a file, numbered pictures (`frames_%04d.png`) or an address; raise FilmError if no picture can be read."""
     is_address, options, source = "://" in path_or_url, {}, path_or_url
     if not is_address:
         file = _resolve_file(path_or_url)

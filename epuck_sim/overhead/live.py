@@ -171,11 +171,7 @@ class LiveCamera:
     width_px = height_px = 0
 
     def __init__(self, number: int, tell: Callable[[str], None]) -> None:
-        """Open a camera, 0 for the first one; the user is told when it drops out and when it is back.
-
-        Raises:
-            FilmError: The camera cannot be opened, or delivers no picture.
-        """
+        """Open a camera, 0 for the first; tell when it drops out and is back; raise FilmError if it shows nothing."""
         self.name = f"camera {number}"
         self.warnings: list[str] = []
         """When it dropped out."""
