@@ -198,7 +198,7 @@ class RingFinder:
         self.camera = camera
         self._sees_discs = sees_discs
         self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
-        self.view = rectified_view(camera)
+        self.view = RectifiedView(camera)
 
     def find(self, levels: Light, *, room_is_lit: bool = False) -> list[Ring]:
         """Return the lit rings in the light of a picture, see `ring_light`, from left to right."""
@@ -221,10 +221,9 @@ class RingFinder:
             return []
         gaps_cm, most_beyond = (CORE_CM, MAX_BEYOND_LIT) if room_is_lit else (0.0, MAX_BEYOND)
         cells = self.view.cells_per_cm
-        response = self.view.match(levels, gaps_cm)
-        mean_least = max(least if room_is_lit else POINTS_SHARE * least, MIN_RELATIVE_LIGHT * float(response.max()))
+        candidates, mean_least = self.view.candidates(levels, gaps_cm, least if room_is_lit else POINTS_SHARE * least)
         fits: list[Fit] = []
-        for column, row in self.view.candidates(response, mean_least):
+        for column, row in candidates:
             if _is_free(column, row, fits, cells):
                 view, left, low = self.view.around(levels, column, row, gaps_cm)
                 fit = fit_ring(view, cells, column - left, row - low, max(least, mean_least))
@@ -298,23 +297,27 @@ FixedPointMap = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
 """OpenCV's map: (rows, columns, 2) whole pixels, and (rows, columns) fractions of one."""
 
 
-class RectifiedView(NamedTuple):
-    """The plane of the rings seen straight from above: a grid of square cells along the arena's axes, row 0 lowest."""
+class RectifiedView:
+    """The plane of the rings, as far as a camera sees it, from straight above: square cells along the arena's axes."""
 
-    origin_cm: FloatArray
-    """(2,) middle of the cell in row 0, column 0."""
-    cells_per_cm: int
-    """Resolution; a multiple of `COARSE_PER_CM`."""
-    fine: FixedPointMap
-    """From cells to the picture."""
-    coarse: FixedPointMap
-    """The same for the coarse grid."""
-    smooth_px: int
-    """Side of the square of pixels that a cell of the coarse grid shows."""
+    def __init__(self, camera: CameraModel) -> None:
+        above_cm = camera.position_cm[2] - epuck.RING_HEIGHT_CM
+        low, high = _extent_cm(camera, above_cm)
+        densest = math.sqrt(MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px / np.prod(high - low))
+        cells = min(max(round(min(camera.lens.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
+        self.cells_per_cm, self.origin_cm = cells * COARSE_PER_CM, low  # middle of row 0, the lowest, and column 0
+        columns, rows = (np.ceil((high - low) * COARSE_PER_CM).astype(int) + 2).tolist()  # one more all round
+        first_cm = low - (1 + 1 / cells) / (2 * COARSE_PER_CM)
+        pixels = _map_of_plane(camera, first_cm, (columns, rows))
+        coarse = np.dstack([pixels, _is_stray(camera, pixels, first_cm)]).astype(np.float32)
+        fine = np.asarray(cv2.resize(coarse, None, fx=cells, fy=cells))  # linear: lenses bend little within 5 mm
+        self._fine = _fixed_point_map(fine[cells:-cells, cells:-cells])
+        self._coarse = _fixed_point_map(coarse[1:-1, 1:-1])
+        self._smooth_px = max(2 * round((camera.lens.focal_px / above_cm / COARSE_PER_CM - 1) / 2) + 1, 1)
 
     def sample(self, light: Light, part: tuple[slice, slice] = np.s_[:, :]) -> Light:
         """Return (rows, columns) the view, or a part of it, of one channel of a picture, (height_px, width_px)."""
-        pixels, fractions = self.fine
+        pixels, fractions = self._fine
         return np.asarray(cv2.remap(light, pixels[part], fractions[part], cv2.INTER_LINEAR), np.uint8)
 
     def around(self, light: Light, column: float, row: float, gaps_cm: float) -> tuple[Light, int, int]:
@@ -324,41 +327,25 @@ class RectifiedView(NamedTuple):
         part = slice(low, int(row) + half), slice(left, int(column) + half)
         return _close_gaps(self.sample(light, part), gaps_cm * self.cells_per_cm), left, low
 
-    def match(self, light: Light, gaps_cm: float) -> Float32Array:
-        """Return how much a ring seems to be around each cell of the coarse grid: light on it less light inside."""
-        smooth = cv2.blur(light, (self.smooth_px, self.smooth_px))
-        coarse = cv2.remap(smooth, *self.coarse, cv2.INTER_LINEAR)
-        coarse = _close_gaps(np.asarray(coarse, np.uint8), gaps_cm * COARSE_PER_CM)
-        return np.asarray(cv2.filter2D(coarse.astype(np.float32), cv2.CV_32F, _RING_FILTER), np.float32)
+    def candidates(self, light: Light, gaps_cm: float, least: float) -> tuple[FloatArray, float]:
+        """Return (n, 2) columns and rows around which rings seem to be, the brightest first, and their least light.
 
-    def candidates(self, response: Float32Array, least: float) -> FloatArray:
-        """Return (n, 2) columns and rows of cells whose response is highest within 1 cm, in descending order."""
-        highest = np.asarray(cv2.dilate(response, _WITHIN_1_CM))
-        rows, columns = np.nonzero((response >= highest) & (response >= least))
+        That of a ring is the mean light on it less that inside: at least `least`, and not dim beside the brightest.
+        """
+        smooth = cv2.blur(light, (self._smooth_px, self._smooth_px))
+        coarse = np.asarray(cv2.remap(smooth, *self._coarse, cv2.INTER_LINEAR), np.uint8)
+        coarse = _close_gaps(coarse, gaps_cm * COARSE_PER_CM)
+        response = np.asarray(cv2.filter2D(coarse.astype(np.float32), cv2.CV_32F, _RING_FILTER))
+        least = max(least, MIN_RELATIVE_LIGHT * float(response.max()))
+        rows, columns = np.nonzero((response >= cv2.dilate(response, _WITHIN_1_CM)) & (response >= least))
         order = np.argsort(-response[rows, columns], kind="stable")[:MAX_CANDIDATES]
         cells = self.cells_per_cm // COARSE_PER_CM
-        return np.asarray(np.column_stack([columns[order], rows[order]]) * cells + (cells - 1) / 2, np.float64)
+        return np.column_stack([columns[order], rows[order]]) * cells + (cells - 1) / 2, least
 
     def centres_cm(self, fits: list[Fit]) -> FloatArray:
         """Return (fits, 3) cm: the centres of rings in the arena's frame."""
         cells = np.array([(fit.column, fit.row) for fit in fits])
         return np.column_stack([self.origin_cm + cells / self.cells_per_cm, np.full(len(fits), epuck.RING_HEIGHT_CM)])
-
-
-def rectified_view(camera: CameraModel) -> RectifiedView:
-    """Return the view of the plane `epuck.RING_HEIGHT_CM` above the floor, as far as the camera sees it."""
-    above_cm = camera.position_cm[2] - epuck.RING_HEIGHT_CM
-    low, high = _extent_cm(camera, above_cm)
-    densest = math.sqrt(MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px / np.prod(high - low))
-    cells = min(max(round(min(camera.lens.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
-    columns, rows = (np.ceil((high - low) * COARSE_PER_CM).astype(int) + 2).tolist()  # one more all round
-    first_cm = low - (1 + 1 / cells) / (2 * COARSE_PER_CM)
-    pixels = _map_of_plane(camera, first_cm, (columns, rows))
-    coarse = np.dstack([pixels, _is_stray(camera, pixels, first_cm)]).astype(np.float32)
-    fine = np.asarray(cv2.resize(coarse, None, fx=cells, fy=cells))  # linear: lenses bend little within 5 mm
-    smooth_px = 2 * round((camera.lens.focal_px / above_cm / COARSE_PER_CM - 1) / 2) + 1
-    maps = _fixed_point_map(fine[cells:-cells, cells:-cells]), _fixed_point_map(coarse[1:-1, 1:-1])
-    return RectifiedView(low, cells * COARSE_PER_CM, *maps, max(smooth_px, 1))
 
 
 def _map_of_plane(camera: CameraModel, first_cm: FloatArray, size: tuple[int, int]) -> FloatArray:
