@@ -99,7 +99,6 @@ class Annotator:
         return annotated
 
     def _draw_bars(self, bars: Picture, now_s: float) -> None:
-        """Draw the histogram and its marks into (rows, width_px, 3) levels."""
         rows, width = bars.shape[:2]
         counts = counts_by_column(self._counts, now_s, PERIODS * self._period_s, width)
         is_bar = np.arange(rows, 0, -1)[:, None] <= np.round(counts * (rows - 1) / self._max_count)

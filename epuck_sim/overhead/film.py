@@ -290,7 +290,6 @@ class FilmWriter:
     """Whether a frame was written."""
 
     def __init__(self, container: OutputContainer, size_px: tuple[int, int]) -> None:
-        """Begin a film with pictures of this width and height."""
         self._last_tick = -1
         self._keyframe_s = -math.inf
         self._container, self._stream = container, container.add_stream("libx264", options=ENCODER_OPTIONS)

@@ -118,7 +118,7 @@ def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Cal
 
 
 class _Outputs:
-    """Writes and shows what a camera films, from its first frame on; its files are closed with a stack."""
+    """Writes and shows what a camera films, from its first frame on, and what is found once that begins."""
 
     def __init__(
         self, live: "LiveCamera", to: Watching, known: TrackOptions, annotator: Annotator, files: ExitStack
@@ -135,24 +135,20 @@ class _Outputs:
         return self._files.enter_context(film)
 
     def begin(self) -> None:
-        """Begin the files of what is found."""
         rings = self._to.rings
         self._write_rings = ring_writer(None if rings is None else self._files.enter_context(growing_text(rings)))
         self._annotated = self._begin_film(self._to.annotate, self._annotator, {})
 
     def record(self, frame: Frame) -> Frame:
-        """Write a frame as it comes from the camera, and return it."""
         if self._film is not None:
             self._film.write(frame)
         return frame
 
     def show(self, picture: Picture) -> None:
-        """Show a picture on the page."""
         if self.page is not None:
             self.page.show(picture)
 
     def write(self, tracked: TrackedFrame) -> None:
-        """Write and show a frame with what was found in it."""
         self._write_rings(tracked.frame, tracked.rings)
         if self._annotated is not None or self.page is not None:
             picture = self._annotator.annotate(tracked)

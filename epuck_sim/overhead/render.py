@@ -134,7 +134,6 @@ class Renderer:
         return np.hstack([sample.poses, np.broadcast_to(self._sizes_cm[:count], (count, 4))])
 
     def _rings(self, samples: Sequence[ExposureSample]) -> Float32Array:
-        """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
         light = self._light / len(samples)
         lit = np.concatenate([self._robots(sample)[sample.ring_on] for sample in samples])
@@ -178,7 +177,6 @@ class Renderer:
         return scene / np.float32(len(samples))
 
     def _through_lens(self, image: Float32Array) -> Float32Array:
-        """Return (rows, columns) an image blurred and dimmed by the lens."""
         if self._section.blur_px > 0:
             blurred = cv2.GaussianBlur(image, (0, 0), self._section.blur_px, borderType=cv2.BORDER_REPLICATE)
             image = np.asarray(blurred, np.float32)

@@ -122,7 +122,6 @@ class Background:
     """
 
     def __init__(self, levels: Light | None = None) -> None:
-        """Begin with what is known of it."""
         self.levels = levels
         self._rise = self._last_s = 0.0
 

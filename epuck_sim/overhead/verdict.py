@@ -306,7 +306,6 @@ def _doubts_about_frames(evidence: Evidence) -> list[str]:
 
 
 def _doubts_about_numbers(evidence: Evidence) -> list[str]:
-    """Return sentences about what is doubtful in the number of robots and the period."""
     found, period_s, swarm = [], evidence.period_s, evidence.swarm
     _, order, numbers = evidence.periods
     numbers = numbers[order >= evidence.order_parameter]
