@@ -153,15 +153,14 @@ def order_over_time(onsets_s: FloatArray, period_s: float) -> tuple[FloatArray, 
     return np.minimum(order, 1.0), end - first
 
 
-class Periods(NamedTuple):
-    """The periods around onsets that were filmed whole and hold flashes of most robots, in order of time."""
+class Periods:
+    """The periods around onsets that were filmed whole and hold enough flashes, those of most robots."""
 
-    onset_s: FloatArray
-    """(n,) the onsets that they are around."""
-    order: FloatArray
-    """(n,) order parameters of the onsets in them."""
-    numbers: IntArray
-    """(n,) how many these are."""
+    def __init__(self, onsets_s: FloatArray, period_s: float, span_s: tuple[float, float], least: float) -> None:
+        """Choose those around (n,) onsets that are within the span of the film and hold at least so many onsets."""
+        order, numbers = order_over_time(onsets_s, period_s)
+        is_whole = is_filmed(onsets_s, period_s, span_s) & (numbers >= least)
+        self.onset_s, self.order, self.numbers = onsets_s[is_whole], order[is_whole], numbers[is_whole]
 
     def first_in_order_s(self, order_parameter: float = ORDER_PARAMETER) -> float | None:
         """Return the first onset around which the order parameter is that of synchrony; None if there is none."""
@@ -175,13 +174,6 @@ class Periods(NamedTuple):
         """
         nearest = self.numbers[np.argsort(-self.order, kind="stable")][: max(len(self.numbers) // 5, 1)]
         return round(float(np.median(nearest))) if len(nearest) else 0
-
-
-def whole_periods(onsets_s: FloatArray, period_s: float, span_s: tuple[float, float], least: float) -> Periods:
-    """Return the periods around (n,) onsets that are within the span of the film and hold at least so many onsets."""
-    order, numbers = order_over_time(onsets_s, period_s)
-    is_whole = is_filmed(onsets_s, period_s, span_s) & (numbers >= least)
-    return Periods(onsets_s[is_whole], order[is_whole], numbers[is_whole])
 
 
 def is_filmed(onsets_s: FloatArray, period_s: float, span_s: tuple[float, float]) -> BoolArray:

@@ -71,7 +71,7 @@ class Evidence(NamedTuple):
     @property
     def periods(self) -> synchrony.Periods:
         """The whole periods around flashes that hold those of most robots."""
-        return synchrony.whole_periods(self.flashes.onset_s, self.period_s, self.span_s, self.usual_flashes)
+        return synchrony.Periods(self.flashes.onset_s, self.period_s, self.span_s, self.usual_flashes)
 
     @property
     def in_order_s(self) -> float | None:
@@ -307,8 +307,7 @@ def _doubts_about_frames(evidence: Evidence) -> list[str]:
 
 def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     found, period_s, swarm = [], evidence.period_s, evidence.swarm
-    _, order, numbers = evidence.periods
-    numbers = numbers[order >= evidence.order_parameter]
+    numbers = evidence.periods.numbers[evidence.periods.order >= evidence.order_parameter]
     if len(numbers):
         fewest, most = np.quantile(numbers, (0.1, 0.9), method="nearest").tolist()
         seen = f"{fewest} to {most} flashes are seen in a period of the synchronised swarm"
@@ -318,7 +317,7 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
             found.append(f"{seen}, and the number of robots, by which flashes are divided, is not known; give --robots")
     begin_s, end_s = evidence.span_s
     span_s = begin_s, evidence.in_order_s or -math.inf
-    before = synchrony.whole_periods(evidence.flashes.onset_s, period_s, span_s, 0.0).numbers
+    before = synchrony.Periods(evidence.flashes.onset_s, period_s, span_s, 0.0).numbers
     usual = float(np.median(before)) if len(before) > ENOUGH_BEFORE * swarm else swarm
     if usual < swarm and not found:
         found.append(

@@ -100,17 +100,17 @@ def test_order_over_time_is_that_of_the_onsets_within_half_a_period(onsets_ms: l
 
 def test_synchrony_begins_with_the_first_flash_together_and_order_and_robots_are_of_flashes_together() -> None:
     onsets = np.concatenate([*(np.arange(6) / 6 + cycle for cycle in range(3)), np.full(6, 4.5), np.full(6, 5.5)])
-    assert synchrony.whole_periods(onsets, 1.0, (0.0, 6.0), 5).first_in_order_s() == 4.5
-    assert synchrony.whole_periods(onsets, 1.0, (0.0, 4.9), 5).first_in_order_s() is None
-    assert synchrony.whole_periods(onsets, 1.0, (4.1, 6.0), 5).first_in_order_s() == 5.5
-    assert synchrony.whole_periods(onsets, 1.0, (0.0, 6.0), 7).first_in_order_s() is None
+    assert synchrony.Periods(onsets, 1.0, (0.0, 6.0), 5).first_in_order_s() == 4.5
+    assert synchrony.Periods(onsets, 1.0, (0.0, 4.9), 5).first_in_order_s() is None
+    assert synchrony.Periods(onsets, 1.0, (4.1, 6.0), 5).first_in_order_s() == 5.5
+    assert synchrony.Periods(onsets, 1.0, (0.0, 6.0), 7).first_in_order_s() is None
     for few in (np.array([1.0, 3.0, 5.0]), np.empty(0)):  # a lone flash is in step with nobody
-        assert synchrony.whole_periods(few, 1.0, (0.0, 6.0), 2).first_in_order_s() is None
+        assert synchrony.Periods(few, 1.0, (0.0, 6.0), 2).first_in_order_s() is None
     early = np.sort(np.concatenate([0.7 * np.arange(5) + shift for shift in (0.0, 0.2, 0.4)]))  # cycles are shortened
     onsets_s = np.concatenate([early, np.repeat(4.5 + np.arange(5), 3) + np.tile([-0.02, 0.0, 0.02], 5)])
-    assert synchrony.whole_periods(onsets_s, 1.0, (0.0, 9.5), 2).robots() == 3
-    assert synchrony.whole_periods(onsets_s, 1.0, (0.0, 9.5), 9).robots() == 0
-    assert synchrony.whole_periods(np.empty(0), 1.0, (0.0, 9.5), 2).robots() == 0
+    assert synchrony.Periods(onsets_s, 1.0, (0.0, 9.5), 2).robots() == 3
+    assert synchrony.Periods(onsets_s, 1.0, (0.0, 9.5), 9).robots() == 0
+    assert synchrony.Periods(np.empty(0), 1.0, (0.0, 9.5), 2).robots() == 0
     onsets_s = np.array([1.0, 1.1, 1.2, 2.0, 2.1, 2.2])
     phases = np.array([0.0, 0.1, 0.2])
     assert synchrony.order_at_end(onsets_s, 1.0, 2.3, 3) == pytest.approx(np.abs(np.exp(2j * np.pi * phases).mean()))
