@@ -362,9 +362,7 @@ def fit_camera(
 
     Without corners, (4, 2) px in any order, it is aimed at the arena's middle, and not turned; of them, the nearest to
     the picture's lower left corner is the arena's origin. Corners seen from straight above do not determine its height.
-
-    Raises:
-        FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
+    It raises as `check_corners`.
     """
     corners = None if corners_px is None else check_corners(corners_px, *size_px)
     kinds = (False, True) if lens is None and rings.number >= TELLING_RINGS else (False,)

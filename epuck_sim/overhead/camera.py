@@ -166,11 +166,7 @@ class Geometry(NamedTuple):
 
 
 def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float) -> CameraModel:
-    """Return the camera of a scenario, which looks at the middle of an arena of this width and height, along y.
-
-    Raises:
-        EpuckSimError: The camera would hang between the walls, or its distortion would fold the picture.
-    """
+    """Return a scenario's camera above an arena's middle; raise EpuckSimError if walls or its lens allow no picture."""
     above_cm = section.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(width_cm, height_cm)
     if above_cm <= 2 * WALL_HEIGHT_CM:
         raise EpuckSimError(

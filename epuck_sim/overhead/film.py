@@ -95,9 +95,7 @@ class Film:
         """Return the frames in the order of their times; the first is at 0.
 
         Only the first of several frames with the same time stamp is kept. A later call continues with the next frame.
-
-        Raises:
-            FilmError: The size of the pictures changes.
+        FilmError is raised where the size of the pictures changes.
         """
         return self._frames
 

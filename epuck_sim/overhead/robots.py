@@ -51,11 +51,7 @@ class Robots(NamedTuple):
 
 
 def find_robots(track: Track) -> Robots:
-    """Return the robots of a film: by their tags if these were looked for, or else by how they move between flashes.
-
-    Raises:
-        FilmError: No tag is read.
-    """
+    """Return the robots of a film: by tags if these were looked for, FilmError if none is read; or by how they move."""
     flashes = FlashTable.of(track.flashes)
     if track.tags is not None:
         return _by_tags(track, flashes, track.tags)
