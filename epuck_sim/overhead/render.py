@@ -24,7 +24,7 @@ from epuck_sim.arena import Arena, brightness_at
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
-from epuck_sim.overhead.tags import tag_corners_cm, tag_dictionary, tag_modules, tag_pattern
+from epuck_sim.overhead.tags import tag_dictionary, tag_modules
 from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.loader import load_of_model, with_values
 from epuck_sim.scenario.overhead import OverheadSection
@@ -391,16 +391,22 @@ def draw_bodies(image: Float32Array, camera: CameraModel, robots: FloatArray) ->
 def draw_tags(image: Float32Array, camera: CameraModel, robots: FloatArray, dictionary: str, side_cm: float) -> None:
     """Draw on each robot that is there the tag with its number, if the dictionary has it; side: of the black border."""
     paper_cm = side_cm * (1 + 1 / tag_modules(dictionary))
+    off = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * paper_cm / 2  # ahead and to the left, clockwise
     for number, robot in enumerate(robots[: len(tag_dictionary(dictionary).bytesList)]):
         if not np.isnan(robot[0]):
-            corners = camera.project(tag_corners_cm(robot[:3], paper_cm, float(robot[4])))
-            _draw_between(image, _tag_levels(dictionary, number), corners)
+            ahead = np.array([math.cos(robot[2]), math.sin(robot[2])])
+            left = np.array([-ahead[1], ahead[0]])
+            corners_cm = robot[:2] + off[:, :1] * ahead + off[:, 1:] * left
+            corners_px = camera.project(np.column_stack([corners_cm, np.full(4, robot[4])]))
+            _draw_between(image, _tag_levels(dictionary, number), corners_px)
 
 
 @cache
 def _tag_levels(dictionary: str, number: int) -> Float32Array:
-    pattern = tag_pattern(dictionary, number, MODULE_PX)
-    return np.where(pattern > 0, PAPER, INK).astype(np.float32)
+    side_px = tag_modules(dictionary) * MODULE_PX
+    pattern = cv2.aruco.generateImageMarker(tag_dictionary(dictionary), number, side_px)
+    paper = np.pad(pattern, MODULE_PX // 2, constant_values=255)  # with half a module of white around the pattern
+    return np.where(paper > 0, PAPER, INK).astype(np.float32)
 
 
 def _draw_between(image: Float32Array, levels: Float32Array, corners_px: FloatArray) -> None:

@@ -1,16 +1,13 @@
-"""ArUco tags on top of robots: their patterns, where their corners are, and how they are read in a film.
+"""ArUco tags on top of robots, and how they are read in a film, in the light or by infrared light.
 
-A tag lies flat on top of a robot, its middle above the robot's, the top of its pattern ahead. It is read in the light
-or by infrared light.
+A tag lies flat on top of a robot, its middle above the robot's, the top of its pattern ahead.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
@@ -35,22 +32,6 @@ def tag_dictionary(name: str) -> cv2.aruco.Dictionary:
 def tag_modules(name: str) -> int:
     """Return the number of modules along the side of a tag with its black border."""
     return int(tag_dictionary(name).markerSize) + 2
-
-
-def tag_pattern(name: str, number: int, module_px: int) -> npt.NDArray[np.uint8]:
-    """Return the pattern of a tag, 0 or 255, with half a module of white around it; whole, even pixels a module."""
-    side_px = tag_modules(name) * module_px
-    pattern = cv2.aruco.generateImageMarker(tag_dictionary(name), number, side_px)
-    return np.pad(pattern, module_px // 2, constant_values=255)
-
-
-def tag_corners_cm(pose: FloatArray, side_cm: float, height_cm: float) -> FloatArray:
-    """Return (4, 3) cm: corners of a square on a robot at a (3,) pose, the one ahead on the left first, clockwise."""
-    ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
-    left = np.array([-ahead[1], ahead[0]])
-    signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * side_cm / 2
-    corners = pose[:2] + signs[:, :1] * ahead + signs[:, 1:] * left
-    return np.column_stack([corners, np.full(4, height_cm)])
 
 
 class Readings(NamedTuple):
