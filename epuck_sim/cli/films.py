@@ -327,7 +327,7 @@ def compare_film(
     fitted = compare.fitted_values(loaded, track, found)
     print_comparison(film, loaded.name, rows, fitted, as_json=as_json)
     if fit is not None:
-        compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
+        compare.save_fitted(fit, loaded, fitted, film)
     if plot is not None:
         from epuck_sim.figures.films import save_comparison_figure
 

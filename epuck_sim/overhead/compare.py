@@ -378,21 +378,17 @@ def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> d
     return {key: value for key, value in fitted.items() if key in known or not key.startswith("robots.")}
 
 
-def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Estimate]) -> EmbodiedScenario:
-    """Return a scenario of one group with fitted values, if they are allowed, and an exposure of a frame at most."""
+def save_fitted(path: Path, scenario: EmbodiedScenario, fitted: dict[str, Estimate], film: str) -> None:
+    """Write a scenario of one group with fitted values, and intervals as comments; raise EpuckSimError if it cannot."""
     digits = {key: 3 if key.endswith(".period_s") else 6 for key in fitted}  # periods are whole milliseconds
     values = {key: round(value.value, digits[key]) for key, value in fitted.items()}
     if SPEED in values:  # which may be measured beyond what wheels can do
         values[SPEED] = min(values[SPEED], scenario.group_kinds[0].wheel_limit_cm_s)
     longest_ms = 1000 / values.get("overhead.frames_per_s", scenario.overhead.frames_per_s)
-    if scenario.overhead.exposure_ms > longest_ms:
+    if scenario.overhead.exposure_ms > longest_ms:  # than a frame
         values["overhead.exposure_ms"] = longest_ms
-    return with_values(scenario, {**values, "name": f"{scenario.name}-fitted"}, scenario.name)
-
-
-def save_fitted(path: Path, scenario: EmbodiedScenario, fitted: dict[str, Estimate], film: str) -> None:
-    """Write a scenario that was fitted, with intervals as comments; raise EpuckSimError where it cannot be written."""
+    changed = with_values(scenario, {**values, "name": f"{scenario.name}-fitted"}, scenario.name)
     lines = [f"# Fitted to {film}, with 95 % intervals; all else is as it was."]
     lines += [f"# {key}: {each.value:.6g} ({each.low:.6g} to {each.high:.6g})" for key, each in fitted.items()]
     with atomic_write(path) as part:
-        part.write_text("\n".join([*lines, write_scenario(scenario)]), encoding="utf-8")
+        part.write_text("\n".join([*lines, write_scenario(changed)]), encoding="utf-8")

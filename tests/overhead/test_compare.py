@@ -129,12 +129,13 @@ def test_a_film_of_the_scenario_itself_is_like_its_trials() -> None:
     assert (measured(film, robots) > 0, math.isnan(measured(aside, robots))) == (True, True)
 
 
-def test_robots_of_several_groups_are_not_fitted_none_is_faster_than_its_wheels_and_equal_values_have_a_mean() -> None:
+def test_robots_of_several_groups_are_not_fitted_none_is_faster_than_its_wheels_and_equal_values_have_a_mean(tmp_path):
     film, robots = track_trial(SCENARIO, 1, FILM)
     both = load_scenario({"robots": [{"count": 2}, {"count": 3}]})
     assert compare.fitted_values(both, film, robots).keys() == {"overhead.frames_per_s"}
     fast = {"robots.0.parameters.speed_cm_s": Estimate(12.9, 12.5, 13.3)}
-    assert compare.fit_scenario(SCENARIO, fast).robots[0].parameters["speed_cm_s"] == 12.8
+    compare.save_fitted(tmp_path / "fast.yaml", SCENARIO, fast, "film.mp4")
+    assert load_scenario(tmp_path / "fast.yaml").robots[0].parameters["speed_cm_s"] == 12.8
     for value in (0.0, 3.0):
         mean, _ = compare.fit_uniform(np.full(4, value), np.zeros(4))
         assert mean.value == pytest.approx(value, abs=1e-6)
