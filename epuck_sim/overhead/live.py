@@ -59,11 +59,7 @@ class Watching(NamedTuple):
 
 
 def track_camera(
-    number: int,
-    options: TrackOptions,
-    watching: Watching,
-    progress: ProgressWrapper,
-    tell: Callable[[str], None],
+    number: int, options: TrackOptions, watching: Watching, progress: ProgressWrapper, tell: Callable[[str], None]
 ) -> Track:
     """Track camera `number`, whose oscillators have a known period, until the swarm is synchronised, or until Ctrl-C.
 
