@@ -46,8 +46,11 @@ SPEED = "robots.0.parameters.speed_cm_s"
 FEW = 3  # robots, or flashes of a robot, below which nothing is said about their differences
 
 
-def fit_film(track: Track, robots: Robots) -> dict[str, Estimate]:
-    """Return the quantities that a film determines, by the keys of a scenario whose robots are all alike."""
+def fit_film(track: Track, robots: Robots, step_s: float = 0.0) -> dict[str, Estimate]:
+    """Return the quantities that a film determines, by the keys of a scenario whose robots are all alike.
+
+    Rings are lit for whole control steps of `step_s`, up to one longer than a flash fraction says.
+    """
     group, period_s = "robots.0.parameters", track.period_s
     speed, speeds = _fit_speeds(robots)
     fitted = {SPEED: speed}
@@ -55,7 +58,7 @@ def fit_film(track: Track, robots: Robots) -> dict[str, Estimate]:
         period, clocks = _fit_clocks(robots, track)
         fitted |= {"spread.wheel_speed": speeds, f"{group}.period_s": period, "spread.clock_rate": clocks}
         period_s = period_s if math.isnan(period.value) else period.value
-    fitted[f"{group}.flash_fraction"] = _fit_flash(robots, track, period_s)
+    fitted[f"{group}.flash_fraction"] = _fit_flash(robots, track, period_s, step_s)
     fitted["overhead.frames_per_s"] = _fit_rate(track.times_s)
     return {key: value for key, value in fitted.items() if not math.isnan(value.value)}
 
@@ -93,7 +96,7 @@ def _fit_clocks(robots: Robots, track: Track) -> tuple[Estimate, Estimate]:
     return fit_uniform(means, frame_s / np.sqrt(6 * numbers))
 
 
-def _fit_flash(robots: Robots, track: Track, period_s: float) -> Estimate:
+def _fit_flash(robots: Robots, track: Track, period_s: float, step_s: float) -> Estimate:
     durations = (robots.flashes.end_s - robots.flashes.onset_s)[:-1]
     usual = durations[np.abs(durations - track.flash_ms / 1000) <= 2 / track.fps]
     if len(usual) < FEW:
@@ -101,8 +104,9 @@ def _fit_flash(robots: Robots, track: Track, period_s: float) -> Estimate:
     mean_s = float(usual.mean())
     # a robot in step with the camera has all its flashes cut in the same way
     error_s = 2 * float(usual.std(ddof=1)) / math.sqrt(len(robots.numbers))
-    shortest_s = mean_s - error_s - LIT_SHARE / track.fps
-    return Estimate(mean_s / period_s, shortest_s / period_s, (mean_s + error_s) / period_s)
+    shortest_s = mean_s - step_s - error_s - LIT_SHARE / track.fps
+    found = Estimate(mean_s - step_s / 2, max(shortest_s, 0.0), mean_s + error_s)
+    return found.apply(lambda lit_s: lit_s / period_s)
 
 
 def _fit_rate(times_s: FloatArray) -> Estimate:
@@ -372,7 +376,8 @@ def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> d
 
     Of several groups of robots, a film does not show whose values are whose: it determines only those of the camera.
     """
-    known, fitted = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}, fit_film(track, robots)
+    known = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}
+    fitted = fit_film(track, robots, scenario.timing.step_ms / 1000)
     if len(scenario.robots) > 1:
         return {key: value for key, value in fitted.items() if key.startswith("overhead.")}
     return {key: value for key, value in fitted.items() if key in known or not key.startswith("robots.")}

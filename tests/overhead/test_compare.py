@@ -206,6 +206,10 @@ def test_intervals_hold_what_is_true(seed: int, clock_rate: float, wheel_speed: 
     assert fitted["robots.0.parameters.period_s"].high - fitted["robots.0.parameters.period_s"].low < 0.08
     assert (fitted["spread.clock_rate"].low > 0) == (clock_rate > 0)
     assert (fitted["spread.wheel_speed"].low > 0) == (wheel_speed > 0)
+    flash, by_steps = (found["robots.0.parameters.flash_fraction"] for found in (fitted, fit_film(track, robots, 0.1)))
+    off = (flash.value - by_steps.value) * fitted["robots.0.parameters.period_s"].value
+    assert (off, by_steps.high) == (pytest.approx(0.05), flash.high)
+    assert by_steps.low < flash.low
 
 
 def test_robots_mixed_up_tell_no_differences_coupled_ones_no_period_and_those_that_stand_no_speed() -> None:
