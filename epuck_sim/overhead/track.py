@@ -239,7 +239,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
         raise FilmError(
             f"{film}: no lit ring is seen in {counted.frames} frames; is it the right film, are the rings about 7 cm "
             "wide, and is the exposure long enough? If --corners, --arena-cm, --height-cm, --start-s or --end-s were "
-            "given, check them"
+            "given, check them; if this package made the film and it was scaled or cropped since, give --arena-cm"
         )
     if len(times_s) < 2:
         raise FilmError(f"{film}: its trial is one frame long; allowed: two or more, preferably several periods")
