@@ -279,7 +279,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             self._episodes[swarm] += 1
             simulation.reset(trial_seed(self._masters[swarm], self._episodes[swarm]))
             self._watches[swarm] = SynchronyWatch(simulation)
-            self._watches[swarm].look(next(simulation))
+            self._watches[swarm].look(next(simulation), is_firing=simulation.is_firing)
             self._copies[swarm] = self._memories[swarm][0][: self._copies.shape[1]]
 
     def step(self, actions: npt.ArrayLike) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
@@ -341,12 +341,12 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             simulation, watch = self.simulations[swarm], self._watches[swarm]
             simulation.conclude(outcome)
             if simulation.is_firing:
-                watch.look(simulation.last_step)
+                watch.look(simulation.last_step, is_firing=True)
             elif self._steps_together:
                 continue
             while simulation.steps < ends[swarm]:
                 step = simulation.advance(int(ends[swarm]) - simulation.steps, until_firing=True)
-                watch.look(step, may_fire=simulation.is_firing)
+                watch.look(step, is_firing=simulation.is_firing)
             self._copies[swarm] = self._memories[swarm][0][: self._copies.shape[1]]
 
     def _check_begun(self) -> None:

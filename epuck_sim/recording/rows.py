@@ -172,7 +172,7 @@ class RobotBuffer:
         ring_on, phase_ms = arrays["ring_on"], arrays["phase_ms"]
         ring_before = np.concatenate([self._ring_before, ring_on[:-1]])
         phase_before = np.concatenate([self._phase_before, phase_ms[:-1]])
-        fires = ring_on & (~ring_before | (phase_ms < phase_before))  # by the rule of `trial.embodied.SynchronyWatch`
+        fires = ring_on & (~ring_before | (phase_ms < phase_before))  # by the rule of `embodied.loop.fires`
         rows, robots = np.nonzero(fires)
         counts = self._flashes + np.cumsum(fires, axis=0)
         batch = RowBatch(

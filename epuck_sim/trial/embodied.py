@@ -30,10 +30,9 @@ NOMINAL_PERIOD_S = 5.0  # length of a cycle, in seconds, if the reference is no 
 class SynchronyWatch:
     """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
 
-    A robot fires when its ring is commanded to light up, or when it is so already and the phase falls. Robots that are
-    no oscillators do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One
-    oscillator alone is never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the
-    further cycles. Robots that are not in the arena do not count either.
+    Robots that are no oscillators do not count; if the reference is none, nothing is measured and every 5 s count as a
+    cycle. One oscillator alone is never synchronised. Once the swarm is synchronised it counts as such, whatever it
+    does in the further cycles. Robots that are not in the arena do not count either.
     """
 
     cycles: int  # firings of the reference so far
@@ -64,35 +63,29 @@ class SynchronyWatch:
         if not self.measures:
             self._max_steps = min(self._max_steps, math.ceil(stop.max_cycles * self._steps_a_cycle))
         self._steps = 0
-        self._lit_phase: float | None = None  # of the reference, while its ring is lit
         self._synchrony: Firing | None = None
         self.cycles = 0
         self.order_parameter = None
 
-    def look(self, step: Step, *, may_fire: bool = True) -> None:
-        """Take note of a step, in which the reference may fire; it did not since the last one that was seen."""
+    def look(self, step: Step, *, is_firing: bool) -> None:
+        """Take note of a step in which the reference fires, see `Simulation.is_firing`, or not; nor since the last."""
         if not self.measures:
             self.cycles = int((step.number + 1) / self._steps_a_cycle)
-        elif may_fire and step.ring_commands[self._reference]:
-            self._look_at_lit(step)
-        else:
-            self._lit_phase = None
+        elif is_firing:
+            self._look_at_firing(step)
         self._steps = step.number + 1
 
-    def _look_at_lit(self, step: Step) -> None:
-        phases = step.phase_ms
-        phase = float(phases[self._reference])
-        if self._lit_phase is None or step.number > self._steps or phase < self._lit_phase:
-            self.cycles += 1
-            counted = phases[self._oscillators]
-            if self._members_change:
-                counted = counted[step.present[self._oscillators]]
-            if not math.isfinite(np.add.reduce(counted)):  # nor are all of them, then
-                raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
-            self.order_parameter = r = float(self.measure(phases))
-            if self._synchrony is None and r >= self._threshold and len(counted) > 1:
-                self._synchrony = Firing(self.cycles, r)
-        self._lit_phase = phase
+    def _look_at_firing(self, step: Step) -> None:
+        self.cycles += 1
+        counted = step.phase_ms[self._oscillators]
+        if self._members_change:
+            counted = counted[step.present[self._oscillators]]
+        if not math.isfinite(np.add.reduce(counted)):  # nor are all of them, then
+            phases = step.phase_ms.tolist()
+            raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases}")
+        self.order_parameter = r = float(self.measure(step.phase_ms))
+        if self._synchrony is None and r >= self._threshold and len(counted) > 1:
+            self._synchrony = Firing(self.cycles, r)
 
     def measure(self, phase_ms: FloatArray) -> FloatArray:
         """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none.
@@ -167,15 +160,14 @@ def run_robots(
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
-    sees_all = bool(observers)
     began = time.perf_counter()
     while not (watch.is_over or measuring.is_over()):
         measuring.carry_out(watch, simulation.carry_out_scheduled)
-        unseen = 1 if sees_all else min(watch.steps_left, MOST_STEPS)
+        unseen = 1 if observers else min(watch.steps_left, MOST_STEPS)
         cycles = watch.cycles
         stretch = simulation.stretch(unseen) if measuring.at_stretches else None
         step = simulation.advance(unseen, until_firing=True) if stretch is None else simulation.last_step
-        watch.look(step, may_fire=sees_all or simulation.is_firing)
+        watch.look(step, is_firing=simulation.is_firing)
         if progress is not None:
             progress(watch)
         for tell in measuring.at_stretches:

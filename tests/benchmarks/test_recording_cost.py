@@ -35,7 +35,7 @@ def test_a_step_and_a_minute(show, tmp_path, robots: int, level: Level) -> None:
             for _ in range(steps):
                 stepping = time.thread_time()
                 step = next(simulation)
-                watch.look(step)
+                watch.look(step, is_firing=simulation.is_firing)
                 simulating += time.thread_time() - stepping
                 recorder(step, watch)
         return time.process_time() - began - simulating, simulating
@@ -58,7 +58,7 @@ def test_ten_hours(tmp_path) -> None:
     with record(tmp_path / "t.rrd", simulation.scenario, 1) as recorder:
         for _ in range(10):
             for step in islice(simulation, 36_000):
-                watch.look(step)
+                watch.look(step, is_firing=simulation.is_firing)
                 recorder(step, watch)
             resident.append(status("VmRSS") / 1024)
     size_mb = (tmp_path / "t.rrd").stat().st_size / 1e6
