@@ -25,10 +25,14 @@ class _Twin(Series):
     MODELS = ("particles",)
 
     def __post_init__(self) -> None:
-        from epuck_sim.particles.twin import make_twin  # reading a scenario must not compile anything
+        from epuck_sim.particles.twin import make_endless, make_twin  # reading a scenario must not compile anything
 
         super().__post_init__()
-        self._twin = make_twin(self.simulation.scenario, self.simulation.seed, self.displacement)
+        scenario, seed = self.simulation.scenario, self.simulation.seed
+        self._twin = make_twin(scenario, seed, self.displacement)
+        self._trial, self._wait_s = self.simulation, 0.0
+        if self.displacement:  # at a firing, a twin that is hardly behind has not fired yet
+            self._trial, self._wait_s = make_endless(scenario, seed), scenario.clocks.period_s / 2
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
@@ -44,15 +48,16 @@ class _Twin(Series):
     def cycle(self, event: Any, _: Any) -> None:
         from epuck_sim.particles.twin import deviations
 
-        self._twin.run_to(event.time_s)
-        self._series.append(float(deviations(self.simulation.phases(), self._twin.phases()).max()))
+        for simulation in (self._trial, self._twin) if self._wait_s else (self._twin,):
+            simulation.run_to(event.time_s + self._wait_s)
+        self._series.append(float(deviations(self._trial.phases(), self._twin.phases()).max()))
 
 
 class Perturbation(_Twin):
     """Largest deviation of a phase from that of an undisturbed twin, in cycles, at each cycle (series; agents).
 
     The twin has neither the scenario's displacement nor its jitter (5.4); with `displacement`, it has both, and the
-    phase of its agent 0 is ahead by so much at the start.
+    phase of its agent 0 is ahead by so much at the start; both are then compared half a period after each firing.
     """
 
     UNIT = "cycles"

@@ -29,15 +29,19 @@ def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) 
     """
     if any(entry.at_s is None for entry in scenario.schedule):
         raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
-    stop = scenario.stop.model_copy(update={"order_parameter": None, "when": None})
-    changes: dict[str, object] = {"stop": stop, "measures": ()}
-    if not displacement:
-        changes["start"] = scenario.start.model_copy(update={"displacement": 0.0})
-        changes["clocks"] = scenario.clocks.model_copy(update={"jitter": 0.0})
-    twin = ParticleSimulation(scenario.model_copy(update=changes), seed)
     if displacement:
+        twin = make_endless(scenario, seed)
         twin.displace(0, displacement)
-    return twin
+        return twin
+    start = scenario.start.model_copy(update={"displacement": 0.0})
+    clocks = scenario.clocks.model_copy(update={"jitter": 0.0})
+    return make_endless(scenario.model_copy(update={"start": start, "clocks": clocks}), seed)
+
+
+def make_endless(scenario: ParticleScenario, seed: int) -> ParticleSimulation:
+    """Return the simulation of a trial that goes on when it is synchronised, without measures."""
+    stop = scenario.stop.model_copy(update={"order_parameter": None, "when": None})
+    return ParticleSimulation(scenario.model_copy(update={"stop": stop, "measures": ()}), seed)
 
 
 def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray) -> TwinComparison:
@@ -49,8 +53,7 @@ def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray
     Raises:
         ValueError: The times are not ascending, or entries of the schedule wait for a firing or a condition.
     """
-    without_end = scenario.model_copy(update={"stop": scenario.stop.model_copy(update={"order_parameter": None})})
-    simulations = (ParticleSimulation(without_end, seed), make_twin(scenario, seed))
+    simulations = (make_endless(scenario, seed), make_twin(scenario, seed))
     phases = np.empty((2, len(time_s), scenario.agents.count))
     for index, time in enumerate(time_s.tolist()):
         for simulation, its_phases in zip(simulations, phases, strict=True):

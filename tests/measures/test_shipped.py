@@ -291,6 +291,8 @@ def test_the_perturbation_is_the_distance_from_the_twin():
     simulation, series, growth, exponent = run("perturbation", observer, more=others, **DISTURBED)
     comparison = simulate_with_twin(simulation.scenario, simulation.seed, np.array(times))
     assert series == pytest.approx(comparison.deviation.max(axis=1).tolist(), abs=1e-9)
+    # a firing of one trial that the other has not had yet is no deviation, or any would be one of coupling x phase
+    assert max(run({"perturbation": {"displacement": 1e-9}}, **AGENTS)[1]) < 1e-6
     assert max(series) > 0
     assert growth == [None, *growth_rates(series)]
     assert exponent == mean_with_interval([rate for rate in growth_rates(series) if rate is not None])
