@@ -36,14 +36,13 @@ class _Twin(Series):
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
-        """Raise ValueError without a perturbation, and for a schedule whose moments are others in the twin."""
+        """Raise ValueError without a perturbation, and ScenarioError where there can be no twin."""
         if not parameters.displacement and not scenario.start.displacement and not scenario.clocks.jitter:
             raise ValueError(
                 "a perturbation is measured where there is one; give displacement, or start.displacement or "
                 "clocks.jitter of the scenario"
             )
-        if any(entry.at_s is None for entry in scenario.schedule):
-            raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
+        scenario.check_twin()
 
     def cycle(self, event: Any, _: Any) -> None:
         from epuck_sim.particles.twin import deviations

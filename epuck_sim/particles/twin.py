@@ -27,8 +27,7 @@ def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) 
     By default no phase of the twin is displaced and no period has jitter (5.4.1, 5.4.2). With a displacement they are
     as in the trial, and the phase of agent 0 is ahead by so many cycles, or by what is left until it fires.
     """
-    if any(entry.at_s is None for entry in scenario.schedule):
-        raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
+    scenario.check_twin()
     if displacement:
         twin = make_endless(scenario, seed)
         twin.displace(0, displacement)
@@ -51,7 +50,8 @@ def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray
     continue when they are synchronised; see `make_twin`.
 
     Raises:
-        ValueError: The times are not ascending, or entries of the schedule wait for a firing or a condition.
+        ScenarioError: Entries of the schedule wait for a firing or a condition.
+        ValueError: The times are not ascending.
     """
     simulations = (make_endless(scenario, seed), make_twin(scenario, seed))
     phases = np.empty((2, len(time_s), scenario.agents.count))

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field
 
 from epuck_sim.control.names import check_draws
-from epuck_sim.errors import CurveError, EpuckSimError
+from epuck_sim.errors import CurveError, EpuckSimError, ScenarioError
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
 from epuck_sim.scenario.keys import set_values
@@ -395,6 +395,11 @@ class ParticleScenario(Scenario):
                     "one of them out"
                 )
         check_numbers("schedule", self.schedule, self.agents.count)
+
+    def check_twin(self) -> None:
+        """Raise ScenarioError for a schedule whose moments are others in a twin of a trial."""
+        if any(entry.at_s is None for entry in self.schedule):
+            raise ScenarioError("a trial and its twin change alike at times alone; give at_s in the schedule")
 
     @property
     def scales(self) -> dict[str, float]:

@@ -25,6 +25,7 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import Measured, estimate_weibull_mean
+from epuck_sim.trial.model import simulate
 from tests.figures.drawn import in_csv, laid_out, legend_texts, written
 from tests.runs.made_folders import COUNT, PIXELS, SPEED, SPEEDS, WIDTH, censored, ended, in_memory, sweep, weibull
 
@@ -212,7 +213,8 @@ def read_as(form, found):
     return form.read(found, Choices(FigureSection()))
 
 
-SCENARIO = particles({AGENT_SPEED: [3, 30]}, clocks={"period_s": 4.0})
+TIMED = {"order_parameter": None, "max_time_s": 49.0}
+SCENARIO = particles({AGENT_SPEED: [3, 30]}, clocks={"period_s": 4.0}, stop=TIMED)
 READ = read_as(Courses, in_memory(SCENARIO, never))
 SHOWN = read_as(Perturbation, in_memory(SCENARIO, never))
 
@@ -256,6 +258,15 @@ def test_trials_are_those_that_have_a_result_and_points_without_are_left_out(for
     expected = trial.deviation.mean(axis=1) if isinstance(form, Courses) else trial.deviation
     assert read.axes == {AGENT_SPEED: 3}
     np.testing.assert_array_equal(read.deviation, expected)
+
+
+def test_agents_that_start_like_robots_start_like_those_of_each_seed() -> None:
+    given = {"agents": {"count": 10}, "space": {"side_cm": 60}, "start": {"like": "thesis"}}
+    like = particles({AGENT_SPEED: [3]}, 1, **given)
+    (course,), (point,) = read_as(Courses, in_memory(like, never)).courses, points(like)
+    trial = simulate(point.scenario, point.seed(0))
+    trial.run_to(0.5)
+    assert course.order_parameter[0] == pytest.approx(abs(np.exp(2j * math.pi * trial.phases()).mean()))
 
 
 def test_where_agents_are_displaced_the_deviation_is_below_the_order_parameter() -> None:

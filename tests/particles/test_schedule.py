@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim import ParticleSimulation, load_scenario
+from epuck_sim import ParticleSimulation, ScenarioError, load_scenario
 from epuck_sim.particles.twin import make_twin, simulate_with_twin
 from tests.particles.naive_model import NaiveEvent, NaiveModel
 from tests.particles.simulations import KINDS, any_sections, compare_events, make_simulation, scenario, state_of
@@ -223,7 +223,7 @@ def test_a_twin_of_ones_own_displacement_is_ahead_by_it_or_by_what_is_left_until
         assert make_twin(given, 1, ahead).phases() == pytest.approx([phase, 0.4, 0.1])
     entry = {"displace": {"by_cycles": 0.5}}
     make_twin(make_simulation(schedule=[{"at_s": 1, **entry}]).scenario, 1)
-    with pytest.raises(ValueError, match="give at_s in the schedule"):
+    with pytest.raises(ScenarioError, match="give at_s in the schedule"):
         make_twin(make_simulation(schedule=[{"at_cycle": 1, **entry}]).scenario, 1)
 
 

@@ -1,5 +1,6 @@
 """Agents beside their undisturbed twins over time, for which trials are simulated again (thesis Figs. 5.8 to 5.11)."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
@@ -14,10 +15,12 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import tabulate
-from epuck_sim.particles.twin import simulate_with_twin
+from epuck_sim.particles.twin import TwinComparison, simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import require_model
+from epuck_sim.trial.model import with_start
 
 MAX_MOMENTS = 400  # largest number of moments of a course; those of a longer one are farther and farther apart
 MAX_CYCLES = 20_000  # largest number of cycles of a perturbation that are shown
@@ -164,13 +167,27 @@ def choose_moments(cycles: int) -> FloatArray:
 
 
 def _scenario(point: PointTrials) -> ParticleScenario:
-    return require_model(point.scenario, ParticleScenario, "the forms perturbation and course need model: particles")
+    why = "the forms perturbation and course need model: particles"
+    scenario = require_model(point.scenario, ParticleScenario, why)
+    with refused_at(scenario.name):
+        scenario.check_twin()
+    return scenario
+
+
+def _most_cycles(scenario: ParticleScenario) -> int:
+    """Return after how many periods, 1 or more, trials end at the latest."""
+    stop = scenario.stop
+    end_s = math.inf if stop.max_time_s is None else stop.max_time_s
+    return int(max(1, min(stop.max_cycles, end_s / scenario.clocks.period_s)))
+
+
+def _compare(scenario: ParticleScenario, seed: int, cycle: FloatArray) -> TwinComparison:
+    return simulate_with_twin(with_start(scenario, seed), seed, cycle * scenario.clocks.period_s)
 
 
 def _course(point: PointTrials, scenario: ParticleScenario) -> Course:
-    cycle = choose_moments(scenario.stop.max_cycles)
-    times = cycle * scenario.clocks.period_s
-    comparisons = [simulate_with_twin(scenario, seed, times) for seed in point.seeds]
+    cycle = choose_moments(_most_cycles(scenario))
+    comparisons = [_compare(scenario, seed, cycle) for seed in point.seeds]
     return Course(
         point.axes,
         scenario.start.displacement > 0,
@@ -182,6 +199,5 @@ def _course(point: PointTrials, scenario: ParticleScenario) -> Course:
 
 
 def _deviations(point: PointTrials, scenario: ParticleScenario) -> Deviations:
-    cycle = np.arange(0.5, min(scenario.stop.max_cycles, MAX_CYCLES))
-    comparison = simulate_with_twin(scenario, point.seeds[0], cycle * scenario.clocks.period_s)
-    return Deviations(point.axes, cycle, comparison.deviation)
+    cycle = np.arange(0.5, min(_most_cycles(scenario), MAX_CYCLES))
+    return Deviations(point.axes, cycle, _compare(scenario, point.seeds[0], cycle).deviation)
