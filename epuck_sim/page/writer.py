@@ -139,10 +139,10 @@ def page_data(
 
 
 def _spread(setting: Setting) -> list[Value]:
-    """Return about `SPEED_POINTS` of the values of a slider, from the first to the last."""
-    last = len(setting.stops) - 1
-    places = {round(last * number / (SPEED_POINTS - 1)) for number in range(SPEED_POINTS)}
-    return [setting.stops[place] for place in sorted(places)]
+    """Return about `SPEED_POINTS` of the values of a slider above 0, which have logarithms, from first to last."""
+    stops = [stop for stop in setting.stops if isinstance(stop, float | int) and stop > 0]
+    places = {round((len(stops) - 1) * number / (SPEED_POINTS - 1)) for number in range(SPEED_POINTS)}
+    return [stops[place] for place in sorted(places)]
 
 
 def _joined(names: Sequence[str]) -> str:

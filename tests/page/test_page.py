@@ -201,7 +201,7 @@ def test_a_page_opens_from_disk_without_network_and_without_complaint(opened, na
     browser = opened(name)
     for control in ("step", "again", "next", "play"):
         browser.run(f"find('{control}').click()")
-    browser.run("find('hundred').click(); find('stop').click()")
+    browser.run("find('hundred').click(); find('stop').click(); logTicks(0, 1); logTicks(1, Infinity)")
     browser.run("page.chosen = 2; page.show_one(); page.touch(() => page.swarm.put(2, 20, 20)); page.draw()")
     browser.run("find('find').value = 'stop'; page.show_keys()")
     assert browser.run("find('one').hidden") is False
@@ -253,9 +253,10 @@ def test_a_link_brings_values_and_seed_back(opened) -> None:
     assert browser.run("[page.command, String(page.seed)]") == [command, f"{2**70 + 1}"]
 
 
-@pytest.mark.parametrize(("scenario", "limit"), [("thesis", 12.8), ("kilobots", 1.0)])
-def test_no_speed_is_beyond_what_wheels_can(scenario: str, limit: float) -> None:
+@pytest.mark.parametrize(("scenario", "limit"), [("thesis", 12.8), ("pair", 12.8), ("kilobots", 1.0)])
+def test_speeds_are_above_0_and_none_is_beyond_what_wheels_can(scenario: str, limit: float) -> None:
     stops = page_data(load_scenario(scenario), scenario)["speed"]["stops"]
+    assert min(stops) > 0
     assert max(stops) == limit
     assert len(set(stops)) == len(stops)
 
