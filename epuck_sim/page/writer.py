@@ -24,6 +24,7 @@ from epuck_sim.scenario.loader import load_scenario, robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.statistics.statistic import student_quantile
 from epuck_sim.util.atomic_write import atomic_write, check_target
+from epuck_sim.util.builtin import ARENAS, builtin_files
 
 WEB = Path(__file__).parent / "web"
 CORE = ("kernels.js", "agents.js", "robots.js", "trials.js")  # what workers run, too
@@ -64,8 +65,10 @@ class Shown:
     """A page in a notebook: it shows itself there, in a frame of its own."""
 
     def __init__(self, scenario: EmbodiedScenario | ParticleScenario, seed: int) -> None:
-        """Make the page of a scenario, with another seed."""
-        self.html = make_page(scenario.model_copy(update={"seed": seed}), scenario.name)
+        """Make the page of a scenario, with another seed; it has commands if this is a shipped scenario."""
+        name, given = scenario.name, scenario.model_copy(update={"seed": seed})
+        is_shipped = name in builtin_files(ARENAS) and load_scenario(name, [f"seed={seed}"]) == given
+        self.html = make_page(given, name * is_shipped)
 
     def _repr_html_(self) -> str:
         frame = 'width="100%" height="900" style="border: 0" sandbox="allow-scripts allow-downloads"'
@@ -78,7 +81,7 @@ def make_page(
     settings: Sequence[str] = (),
     controller: str | None = None,
 ) -> str:
-    """Return the page of a scenario, for which `epuck-sim run` takes a source with `key=value` settings."""
+    """Return the page of a scenario, whose source `epuck-sim run` takes with `key=value` settings; "" if none is it."""
     model: Model = "embodied" if isinstance(scenario, EmbodiedScenario) else "particles"
     data = page_data(scenario, source, settings) | {"controller": controller}
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
@@ -97,6 +100,7 @@ def make_page(
         "ONE": one,
         "SWEEP": "" if data["speed"] else "hidden",
         "SCENARIO": escape(source),
+        "COMMAND": "" if source else "hidden",
         "STYLE": style,
         "DATA": _packed(gzip.compress(json.dumps(data, allow_nan=False).encode(), 9, mtime=0)),
         "WASM": _packed(read_module(model)),

@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable, Iterator, Sequence
+from html import unescape
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
@@ -189,10 +190,12 @@ def test_commands_write_a_page_and_say_where_or_open_it_and_notebooks_show_it(mo
     paths = [Path(call("play", name).stdout.strip()) for name in ("particles", "pair")]
     assert opened == [paths[0].as_uri()] * 2
     assert "epuck-sim page pair" in paths[0].read_text()
-    for simulation in (ParticleSimulation("particles", seed=5), Simulation("thesis", seed=5)):
+    changed = Simulation(load_scenario("thesis", ["robots.0.count=5"]), seed=5)
+    for simulation in (ParticleSimulation("particles", seed=5), Simulation("thesis", seed=5), changed):
         shown = simulation.page()._repr_html_()
         assert shown.startswith("<iframe")
         assert 'sandbox="allow-scripts' in shown
+        assert ("<pre hidden" in unescape(shown)) == (simulation is changed)  # its name would give another trial
 
 
 @needs_browser
