@@ -243,14 +243,16 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
 
 
 @needs_browser
-def test_a_link_brings_values_and_seed_back(opened) -> None:
-    browser = opened("particles", [f"seed={2**53 + 1}"])
+def test_a_link_brings_values_and_seed_back_and_a_command_runs_one_trial(opened) -> None:
+    browser = opened("particles", [f"seed={2**53 + 1}", "trials=3", "stop.order_parameter=null"])
+    assert browser.run("find('many').hidden && find('csv').hidden")  # without a threshold there is no T_sync
     assert browser.run("String(page.seed)") == f"{2**53 + 1}"
     browser.run(f"page.change({{'agents.speed_cm_s': 2, 'neighbourhood.kind': 'range'}}); page.take_seed({2**70 + 1}n)")
     link, command = browser.run("[location.href, page.command]")
     assert command == (
-        f"epuck-sim run particles --set seed={2**53 + 1} --set agents.speed_cm_s=2 "
-        f"--set 'neighbourhood={{kind: range, radius_cm: 30}}' --seed {2**70 + 1}"
+        f"epuck-sim run particles --set seed={2**53 + 1} --set trials=3 --set stop.order_parameter=null "
+        "--set agents.speed_cm_s=2 --set 'neighbourhood={kind: range, radius_cm: 30}' --trials 1 "
+        f"--seed {2**70 + 1}"
     )
     browser.open(link)
     assert browser.run("[page.command, String(page.seed)]") == [command, f"{2**70 + 1}"]

@@ -44,7 +44,8 @@ class Page {
     this.read_address();
     this.show_settings();
     this.show_keys();
-    for (const id of ["many", "counted"]) find(id).hidden = !data.facts.has_cycles;
+    find("counted").hidden = !data.facts.has_cycles;
+    for (const id of ["many", "csv"]) find(id).hidden = !data.facts.has_cycles || data.facts.order_parameter === null;
     this.listen();
     this.begin();
     requestAnimationFrame((now) => this.picture(now));
@@ -322,7 +323,7 @@ class Page {
     const quote = (/** @type {string} */ word) => (/^[\w.=/+-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
     const sets = this.changes().map(([key, value]) => ` --set ${quote(`${key}=${value}`)}`);
     const controller = this.data.controller ? ` --controller ${quote(this.data.controller)}` : "";
-    return `epuck-sim run ${quote(this.data.scenario)}${controller}${this.data.sets.map((/** @type {string} */ set) => ` --set ${quote(set)}`).join("")}${sets.join("")} --seed ${this.seed}`;
+    return `epuck-sim run ${quote(this.data.scenario)}${controller}${this.data.sets.map((/** @type {string} */ set) => ` --set ${quote(set)}`).join("")}${sets.join("")}${this.values.trials > 1 ? " --trials 1" : ""} --seed ${this.seed}`;
   }
 
   read_address() {
@@ -498,7 +499,7 @@ class Page {
       return [(event.clientX - box.left - left) / scale, (low - (event.clientY - box.top)) / scale];
     };
     const under = (/** @type {PointerEvent} */ event) => {
-      const [x, y] = at(event), { picture } = { picture: this.seen }, far = [...picture.x].map((each, agent) => Math.hypot(each - x, picture.y[agent] - y));
+      const [x, y] = at(event), picture = this.seen, far = [...picture.x].map((each, agent) => Math.hypot(each - x, picture.y[agent] - y));
       const nearest = far.indexOf(Math.min(...far));
       return far[nearest] * this.scale.scale <= Math.max(this.scale.size + 4, event.pointerType === "touch" ? 22 : 8) ? nearest : -1;
     };
@@ -564,7 +565,7 @@ class Page {
 
   svg() {
     const pen = new SvgPen(800, 800);
-    drawArena(pen, this.place(), this.shown(), { ...colours() });
+    drawArena(pen, this.place(), this.shown(), colours());
     return pen.svg;
   }
 }
