@@ -149,7 +149,7 @@ function ticks(low, high, about) {
 /** Return the powers of ten, with 2 and 5 where they are few. @param {number} low @param {number} high */
 function logTicks(low, high) {
   const found = [], decades = Math.log10(high / low), many = decades > 2.2;
-  if (!Number.isFinite(decades)) return found;
+  if (!Number.isFinite(decades)) return [];
   for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++)
     for (const each of many ? [1] : [1, 2, 5]) found.push(+(each * 10 ** power).toPrecision(3));
   return found.filter((each) => each >= low * 0.999 && each <= high * 1.001);

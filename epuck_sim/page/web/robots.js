@@ -24,7 +24,7 @@ class Robots {
     this.values = values;
     this.max_cycles = values["stop.max_cycles"];
     this.seeds = new Seeds(kernels);
-    const own = facts.swarms[values["robots.0.count"]], bytes = fromBase64(own.block);
+    const own = (this.own = facts.swarms[values["robots.0.count"]]), bytes = fromBase64(own.block);
     this.block = new Block(kernels, bytes.length);
     this.block.bytes.set(bytes);
     const [first] = facts.scene.at;
@@ -163,7 +163,7 @@ class Robots {
     this.seed = seed;
     this.block.bytes.set(this.beginning);
     kernels.call("draw_all", ...block, ...this.seeds.words(seed), ...this.scratch);
-    for (const streams of facts.swarms[this.values["robots.0.count"]].streams) this.seeds.draw(seed, streams, this.block.bytes);
+    for (const streams of this.own.streams) this.seeds.draw(seed, streams, this.block.bytes);
     if (this.get("scene", "robots_vary")) kernels.call("vary", ...block);
     kernels.call("begin_placement", ...block);
     for (const placement of ["grid", "random"])
@@ -173,10 +173,9 @@ class Robots {
         if (kernels.whole() !== -1) throw new Error("The robots do not fit into the arena: take fewer robots, or a larger arena.");
       });
     kernels.call("place", ...block, ...addresses);
-    const functions = facts.swarms[this.values["robots.0.count"]].functions;
     groups.forEach((/** @type {any} */ _, /** @type {number} */ number) => {
       if (facts.takes_pictures[number]) kernels.call("begin_pictures", ...block, BigInt(number));
-      kernels.call(functions[this.get("group", "controller", number)], ...this.swarm, BigInt(number));
+      kernels.call(this.own.functions[this.get("group", "controller", number)], ...this.swarm, BigInt(number));
       this.set_memory(number);
     });
     this.set("scene", "starts", 0, 0);

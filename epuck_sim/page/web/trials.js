@@ -55,10 +55,7 @@ class Trials {
   async run(points, count, master, tell, alone) {
     this.stop();
     const round = this.round;
-    /** @type {Task[]} */
-    const tasks = [];
-    for (let trial = 0; trial < count; trial++) points.forEach((_, point) => tasks.push({ values: points[point], master, trial, point }));
-    tasks.sort((one, other) => one.point - other.point);
+    const tasks = points.flatMap((values, point) => Array.from({ length: count }, (_, trial) => ({ values, master, trial, point })));
     const left = await this.in_workers(points, tasks, tell, round);
     if (round !== this.round || !left.length) return;
     alone();
