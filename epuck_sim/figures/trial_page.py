@@ -280,6 +280,9 @@ def _detour(
     """Return (points, 3) what lies between two points, (3,) s, cm, cm, that no straight line joins."""
     gap = np.full(3, np.nan)
     wall = _meet_wall(start, direction, speed, side_cm)
+    if wall[0] > end[0]:  # it has turned, or become slower, before it could meet a wall; or has met another
+        is_far = is_cyclic and np.abs(end[1:] - start[1:]).max() > side_cm / 2
+        return gap[None][: int(is_far)]
     if is_cyclic:  # the heading stays the same
         return np.array([wall, gap, _meet_wall(end, -direction, -speed, side_cm)])
     rest_cm = math.hypot(*(end[1:] - wall[1:]))

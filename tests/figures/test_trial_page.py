@@ -353,3 +353,12 @@ def test_a_corner_at_a_wall_is_not_cut_and_an_agent_that_stands_still_stays_wher
     places = np.full((5, 2), 7, np.float32)
     path = agent_path(np.arange(5.0), places, np.zeros(5), 20.0, is_cyclic=False)
     np.testing.assert_array_equal(path, np.column_stack([np.arange(5.0), places]))
+
+
+def test_an_agent_that_turns_or_slows_down_far_from_walls_is_not_drawn_to_them() -> None:
+    rows = np.array([[5, 20], [15, 20], [20, 25], [20, 26]], np.float32)
+    path = agent_path(np.arange(4.0), rows, np.array([0, 0, 1.5, 1.5]), 40.0, is_cyclic=False)
+    np.testing.assert_array_equal(path[:, 1:], rows)
+    rows = np.array([[13, 20], [3, 20], [37, 20]], np.float32)  # it turns back to the edge
+    path = agent_path(np.arange(3.0), rows, np.array([math.pi, 0, 0]), 40.0, is_cyclic=True)
+    assert np.isnan(path[:, 1]).tolist() == [False, False, True, False]
