@@ -130,10 +130,10 @@ def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, s
         copy = shutil.copytree if (shelf / name).is_dir() else shutil.copy
         copy(shelf / name, tmp_path / name)
     monkeypatch.chdir(tmp_path)
-    for name, text in row.get("files", {}).items():
-        Path(name).write_text(text, encoding="utf-8")
     for name in row.get("folders", ()):
         Path(name).mkdir()
+    for name, text in row.get("files", {}).items():
+        Path(name).write_text(text, encoding="utf-8")
     for name in row.get("pipes", ()):
         os.mkfifo(name)
     for name, target in row.get("links", {}).items():

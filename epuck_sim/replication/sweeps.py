@@ -42,12 +42,13 @@ from epuck_sim.statistics.sequential import look_boundary, relative_sizes
 def sweep_scenario(claims: Claims, name: str) -> Scenario:
     """Return the scenario of a sweep; raise ScenarioError if it cannot be run."""
     asked = claims.sweeps[name]
-    given = without_quick(read_yaml(find_scenario(asked.scenario)))
+    path = find_scenario(asked.scenario)
+    given = without_quick(read_yaml(path))
     given.pop("figure", None)  # it is about axes that the sweep may no longer have
     if "points" in asked.keys.get("sweep", {}):
         given.pop("sweep", None)  # points are of this sweep's own axes
     try:
-        return from_keys({**merge({**given, "seed": claims.seed}, asked.keys), "name": name}, "scenario")
+        return from_keys({**merge({**given, "seed": claims.seed}, asked.keys), "name": name}, "scenario", path.parent)
     except ScenarioError as error:
         raise ScenarioError(f"sweep {name}: {error}") from error
 
