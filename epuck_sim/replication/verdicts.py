@@ -48,7 +48,8 @@ REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
 }
 """What stands for the values of a series."""
 
-POWERS = ("power_exponent", "place_exponent")  # tests that take logarithms of their last axis
+LOGARITHMIC = {"power_exponent": "along", "place_exponent": "over", "collapse": "along"}
+"""The axis of which tests take logarithms."""
 
 AnyPoint = TypeVar("AnyPoint", Point, PointTrials)  # a point of a sweep, with or without its trials
 
@@ -108,8 +109,8 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     for key in ("along", "over"):
         if key in test.takes:
             axis = choose_axis([point.axes for point in used], getattr(check, key), key)
-            if check.test in POWERS and key == test.takes[-1] and min(float(point.axes[axis]) for point in used) <= 0:
-                raise EpuckSimError(f"{key}: {axis} is 0 or less at a point; a power takes values above 0")
+            if LOGARITHMIC.get(check.test) == key and min(float(point.axes[axis]) for point in used) <= 0:
+                raise EpuckSimError(f"{key}: {axis} is 0 or less at a point; {check.test} takes values above 0")
     if test.points not in (None, len(used)):
         of = "one at each place" if test.points == 2 else "one"
         raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; {check.test} is of {of}")
