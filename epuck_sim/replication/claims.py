@@ -146,6 +146,8 @@ class Check(ConfigModel):
             raise ValueError(f"than is {self.than}, as law is; allowed: another law")
         if self.take is not None and self.of is None:
             raise ValueError("take is given without of, the measure whose values it takes")
+        if "between" in TESTS[self.test].takes and self.between[0] == self.between[1]:
+            raise ValueError("between has one place twice; give two that differ")
         return self
 
 
