@@ -21,6 +21,7 @@ from epuck_sim.particles.neighbours import write_links
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
 from epuck_sim.particles.swarm import Arrays, keep_state
+from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TimedEntries, TrialEvent
 from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
@@ -311,13 +312,14 @@ class ParticleSimulation:
         """Bring the next firing of an agent forward, before the first event; its phase is ahead by so much at most.
 
         Args:
-            agent: Index of the agent.
+            agent: Index of the agent, from 0.
             cycles: By how much, 0 or more; no further than to the present time.
 
         Raises:
-            ValueError: Agents have fired already, or `cycles` is negative.
+            ValueError: There is no such agent, agents have fired already, or `cycles` is negative or NaN.
         """
-        if self.instants or cycles < 0:
+        check_range("agent", whole("agent", agent, 0), 0, self.scenario.agents.count - 1)
+        if self.instants or not cycles >= 0:
             raise ValueError(
                 f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more, before the first"
             )

@@ -312,6 +312,9 @@ def test_an_agent_is_displaced_before_anything_has_happened_and_so_may_a_twin_be
     before = simulation.phases()
     simulation.displace(2, 0.01)
     assert simulation.phases()[2] == pytest.approx(min(before[2] + 0.01, 1))
+    for agent, by, said in ((-1, 0.1, "agent is -1"), (15, 0.1, "allowed: 0 to 14"), (0, math.nan, "cycles is nan")):
+        with pytest.raises(ValueError, match=said):
+            simulation.displace(agent, by)
     simulation.run(2)
     with pytest.raises(ValueError, match=r"after \d+ instants; allowed: 0 or more"):
         simulation.displace(2, 0.01)
