@@ -17,6 +17,7 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.theory.limits import Limit, Pair, find_limit, measure_pair
 from epuck_sim.theory.regime import IN_LIMITS, Rise, Verdict, find_course, find_rise, judge, time_at
 from epuck_sim.theory.snapshots import GraphMeasures, changed_links, count_components, measure_graphs, take_snapshots
+from epuck_sim.util.messages import comma_list
 
 SNAPSHOTS, CELLS = 400, 2_000_000  # largest number of snapshots, and of pairs of agents in all of them
 MOST_AGENTS = 300  # largest swarm of which predictions are made: snapshots are matrices
@@ -218,8 +219,13 @@ def _left_out(scenario: Scenario) -> tuple[str, ...]:
             notes.append("poses are as given: all snapshots are of these.")
         if scenario.faults:
             notes.append("faults are left out.")
+        names = ("coupling", "period_s", "refractory_fraction", "speed_cm_s")
+        if differing := [name for name in names if len({each.parameters.get(name) for each in scenario.robots}) > 1]:
+            notes.append(f"All robots are taken for ones of the first group; groups differ in {comma_list(differing)}.")
     elif isinstance(scenario, ParticleScenario) and scenario.start != StartSection():
         notes.append("start is left out: places and phases are random.")
+    if scenario.stop.metric == "reference":
+        notes.append("stop.metric is left out: the order parameter is the complex one.")
     if isinstance(scenario, EmbodiedScenario | ParticleScenario) and scenario.schedule:
         notes.append("schedule is left out: the prediction is of the swarm as it starts.")
     return tuple(notes)

@@ -208,6 +208,10 @@ def test_what_is_left_out_is_said_and_robots_that_never_flash_are_refused() -> N
     notes = " ".join(predict(load_scenario(given)).notes)
     assert "schedule is left out" in notes
     assert "start is left out" in notes
+    changes = ["robots=[{count: 2}, {count: 3, parameters: {coupling: 0.3, speed_cm_s: 1}}]", "stop.metric=reference"]
+    notes = " ".join(predict(load_scenario("thesis", changes)).notes)
+    assert "groups differ in coupling, speed_cm_s" in notes
+    assert "stop.metric is left out" in notes
     alone = predict(load_scenario({**given, "neighbourhood": {"kind": "range", "radius_cm": 0.01}}))
     assert "renewed links do not join them either" in alone.reason
     assert "poses are as given" in " ".join(predict(load_scenario("pair")).notes)
