@@ -73,6 +73,7 @@ def without_database(folder: Path, contents_of_it: str = "") -> None:
 SHORT = {"arena": {"width_cm": 40, "height_cm": 40}, "robots": [{"count": 3}], "stop": {"max_cycles": 6}}
 CONE = {"neighbourhood": {"kind": "cone_of_vision", "angle_deg": 90}}
 
+TIED = {"agents.speed_cm_s": [1, 10], "agents.count": [5, 9]}
 WAITING = [{"at_cycle": 1, "displace": {"by_cycles": 0.1}}]
 
 MAKERS: dict[str, Callable[[Path], object]] = {
@@ -95,6 +96,7 @@ MAKERS: dict[str, Callable[[Path], object]] = {
     "timeless": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3, stop={"order_parameter": None, "max_cycles": 5000}),
     "panels": stored(lambda _: ended([5]), {WIDTH: range(60, 125), SPEED: [1, 2]}, 1),
     "agents": stored(partial(weibull, mean=30), AGENTS, 3, "tiny", model="particles", agents={"count": 6}, **CONE),
+    "tied": stored(partial(weibull, mean=30), None, 3, "tied", model="particles", sweep={"zip": TIED}),
     "waits": stored(never, {"agents.speed_cm_s": [3, 30]}, 3, "tiny", model="particles", schedule=WAITING),
     "measured": measured,
 }

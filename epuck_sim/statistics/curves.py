@@ -16,7 +16,7 @@ from epuck_sim.display.table import Row, Table, plain
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.scenario.axes import choose_axis, group_rows
+from epuck_sim.scenario.axes import SPEED, choose_axis, group_rows
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics import Statistic
@@ -48,6 +48,7 @@ class Curve(NamedTuple):
     of: str | None = None  # name of the measure; None for T_sync
     is_share: bool = False  # whether the measure is a truth value, and the statistic a share
     measured: Sequence[Measured] = ()  # (S,) the trials
+    tied: Sequence[str] = ()  # other axes whose values change along it, as in a zip
 
     @property
     def names(self) -> list[str]:
@@ -78,6 +79,13 @@ def read_curves(
     """Estimate a curve for each combination of the values of the other axes, in the order of the sweep."""
     groups = group_by_other_axes(points, axis)
     return [estimate_curve(group, axis, others, statistic, censored_at) for others, group in groups]
+
+
+def check_speed_alone(curves: Sequence[Curve]) -> None:
+    """Raise EpuckSimError where more changes along a curve than speeds and the limit of cycles."""
+    tied = [key for curve in curves for key in curve.tied if not key.endswith((SPEED, ".max_cycles"))]
+    if tied:
+        raise EpuckSimError(f"{tied[0]} changes with the speed; give sweep.grid one of them instead of zip")
 
 
 def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
@@ -123,6 +131,7 @@ def estimate_curve(
         of=points[0].of,
         is_share=any(each.is_share for each in measured),
         measured=measured,
+        tied=[key for key, value in points[0].axes.items() if key != axis and value != points[-1].axes[key]],
     )
 
 

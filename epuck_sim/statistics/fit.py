@@ -15,9 +15,10 @@ from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
 from epuck_sim.scenario.axes import SPEED
+from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import Curve, folder_curves
+from epuck_sim.statistics.curves import Curve, check_speed_alone, folder_curves
 from epuck_sim.statistics.extrema import (
     FAST_FACTOR,
     MIN_SPEEDS,
@@ -219,6 +220,8 @@ def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[Fitt
     axis, curves = folder_curves(folder, statistic=statistic)
     if not axis.endswith(SPEED):
         raise EpuckSimError(f"{folder}: no axis ends in {SPEED}; extrema are those of T_sync against speed")
+    with refused_at(str(folder)):
+        check_speed_alone(curves)
     return [_fit_curve(str(folder), curve) for curve in curves]
 
 

@@ -16,7 +16,7 @@ from epuck_sim.figures.forms.form import Choices
 from epuck_sim.figures.saving import tabulate_rows
 from epuck_sim.figures.style import GREY, typeset
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.curves import Curve
+from epuck_sim.statistics.curves import Curve, check_speed_alone
 from epuck_sim.theory.predict import Prediction, predict_speeds
 
 AXES = ("agents.speed_cm_s", "robots.0.parameters.speed_cm_s")  # axes whose speed predictions know
@@ -58,6 +58,7 @@ def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
         raise EpuckSimError(f"predictions are of T_sync against {' or '.join(AXES)}, but this is against {axis}")
     if len(curves) > MOST_CURVES:
         raise EpuckSimError(f"predictions are of up to {MOST_CURVES} curves, but these are {len(curves)}")
+    check_speed_alone(curves)
     found = []
     for curve in curves:
         moving = curve.x[curve.x > 0]
