@@ -48,8 +48,7 @@ REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
 }
 """What stands for the values of a series."""
 
-LOGARITHMIC = {"power_exponent": "along", "place_exponent": "over", "collapse": "along"}
-"""The axis of which tests take logarithms."""
+LOGARITHMIC = {"power_exponent": "along", "place_exponent": "over", "collapse": "along"}  # axes whose logarithms count
 
 AnyPoint = TypeVar("AnyPoint", Point, PointTrials)  # a point of a sweep, with or without its trials
 

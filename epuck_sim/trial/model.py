@@ -112,17 +112,12 @@ def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> 
 
     if interpret:
         check_interpretable(scenario)
-    return ParticleSimulation(with_start(scenario, seed), seed)
+    if scenario.start.like is not None:
+        from epuck_sim.trial.embodied import start_like
 
-
-def with_start(scenario: ParticleScenario, seed: int) -> ParticleScenario:
-    """Return the scenario of one trial, whose agents start where it says, or like robots of that seed."""
-    if scenario.start.like is None:
-        return scenario
-    from epuck_sim.trial.embodied import start_like
-
-    start = start_like(robots_like(scenario.start.like, f"{scenario.name}: start.like"), seed)
-    return scenario.model_copy(update={"start": StartSection.model_validate(start)})
+        start = start_like(robots_like(scenario.start.like, f"{scenario.name}: start.like"), seed)
+        scenario = scenario.model_copy(update={"start": StartSection.model_validate(start)})
+    return ParticleSimulation(scenario, seed)
 
 
 def _run_agents(*given: Any) -> TrialResult:

@@ -1,6 +1,5 @@
 """Agents beside their undisturbed twins over time, for which trials are simulated again (thesis Figs. 5.8 to 5.11)."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
@@ -17,10 +16,9 @@ from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import tabulate
 from epuck_sim.particles.twin import TwinComparison, simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import require_model
-from epuck_sim.trial.model import with_start
+from epuck_sim.trial.model import simulate
 
 MAX_MOMENTS = 400  # largest number of moments of a course; those of a longer one are farther and farther apart
 MAX_CYCLES = 20_000  # largest number of cycles of a perturbation that are shown
@@ -167,22 +165,19 @@ def choose_moments(cycles: int) -> FloatArray:
 
 
 def _scenario(point: PointTrials) -> ParticleScenario:
-    why = "the forms perturbation and course need model: particles"
-    scenario = require_model(point.scenario, ParticleScenario, why)
-    with refused_at(scenario.name):
-        scenario.check_twin()
-    return scenario
+    return require_model(point.scenario, ParticleScenario, "the forms perturbation and course need model: particles")
 
 
 def _most_cycles(scenario: ParticleScenario) -> int:
     """Return after how many periods, 1 or more, trials end at the latest."""
-    stop = scenario.stop
-    end_s = math.inf if stop.max_time_s is None else stop.max_time_s
-    return int(max(1, min(stop.max_cycles, end_s / scenario.clocks.period_s)))
+    limit, end_s = scenario.stop.max_cycles, scenario.stop.max_time_s
+    return limit if end_s is None else max(1, min(limit, int(end_s / scenario.clocks.period_s)))
 
 
 def _compare(scenario: ParticleScenario, seed: int, cycle: FloatArray) -> TwinComparison:
-    return simulate_with_twin(with_start(scenario, seed), seed, cycle * scenario.clocks.period_s)
+    started = simulate(scenario, seed).scenario  # where robots with this seed do, if the scenario says so
+    assert isinstance(started, ParticleScenario)
+    return simulate_with_twin(started, seed, cycle * scenario.clocks.period_s)
 
 
 def _course(point: PointTrials, scenario: ParticleScenario) -> Course:
