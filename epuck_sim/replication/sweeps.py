@@ -14,7 +14,6 @@ from scipy.stats import norm
 
 from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Table
-from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import Check, Claim, Claims
 from epuck_sim.replication.verdicts import (
@@ -47,10 +46,8 @@ def sweep_scenario(claims: Claims, name: str) -> Scenario:
     given.pop("figure", None)  # it is about axes that the sweep may no longer have
     if "points" in asked.keys.get("sweep", {}):
         given.pop("sweep", None)  # points are of this sweep's own axes
-    try:
+    with refused_at(f"sweep {name}"):
         return from_keys({**merge({**given, "seed": claims.seed}, asked.keys), "name": name}, "scenario", path.parent)
-    except ScenarioError as error:
-        raise ScenarioError(f"sweep {name}: {error}") from error
 
 
 def sweep_folder(folder: Path, name: str) -> Path:

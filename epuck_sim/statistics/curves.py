@@ -17,6 +17,7 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import SPEED, choose_axis, group_rows
+from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics import Statistic
@@ -63,10 +64,8 @@ def folder_curves(
     """Return an axis of a run folder, the speed or that with the most numbers by default, and the curves along it."""
     points = read_points(folder, of)
     rows = [point.axes for point in points]
-    try:
+    with refused_at(str(folder)):
         chosen = choose_axis(rows, axis and axis_key(axis, rows, "--x"))
-    except EpuckSimError as error:
-        raise EpuckSimError(f"{folder}: {error}") from error
     curves = read_curves(points, chosen, statistic)
     if not curves:
         raise StoreError(f"{folder}: holds no results yet")

@@ -6,8 +6,9 @@ import time
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import check_figure_axes, check_labels
+from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.loader import Point, describe_axes
 from epuck_sim.trial.model import check_room, run_trial, simulate
 from epuck_sim.trial.result import TrialState
@@ -24,12 +25,10 @@ TRIAL_BYTES = 145
 def check_sweep(points: Sequence[Point]) -> None:
     """Raise ScenarioError for a sweep that cannot be run, or cannot be drawn as its section `figure` says."""
     scenario = points[0].scenario
-    try:
+    with refused_at(scenario.name):
         check_figure_axes(scenario.figure, [point.axes for point in points])
         measures = (measure.name for measure in scenario.measures)
         check_labels(scenario.figure.labels, points[0].axes, measures, "figure.labels")
-    except EpuckSimError as error:
-        raise ScenarioError(f"{scenario.name}: {error}") from error
     for point in points:
         try:
             check_room(point.scenario)
