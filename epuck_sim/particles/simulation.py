@@ -320,9 +320,7 @@ class ParticleSimulation:
         """
         check_range("agent", whole("agent", agent, 0), 0, self.scenario.agents.count - 1)
         if self.instants or not cycles >= 0:
-            raise ValueError(
-                f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more, before the first"
-            )
+            raise ValueError(f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more before the first")
         swarm = self._arrays
         forward = cycles * swarm.period[agent]
         swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, self._scene["now"])

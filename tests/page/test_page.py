@@ -3,7 +3,6 @@
 import gzip
 import json
 import re
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from html import unescape
 from importlib.util import find_spec
@@ -106,31 +105,6 @@ def test_a_page_is_one_small_file_that_names_no_other(name: str) -> None:
     assert "@" not in re.sub(r"<(style|script).*?</\1>", "", page, flags=re.DOTALL)  # all names are filled in
 
 
-WAITING = ["measures=[order_parameter]", "stop={when: order_parameter > 0.9, order_parameter: null}"]
-REFUSED = {
-    "sweep": ("fig-4-2a", []),
-    "agents.count": ("particles", ["agents.count=5000"]),
-    "agents.speed_distribution": ("particles", ["agents.speed_distribution=exponential"]),
-    "clocks.jitter": ("particles", ["clocks.jitter=0.1"]),
-    "start.like": ("particles", ["agents.count=10", "space.side_cm=60", "start={like: thesis}"]),
-    "stop.when": ("particles", WAITING),
-    "schedule": ("particles", ["schedule=[{at_s: 3, set: {agents.speed_cm_s: 2}}]"]),
-    "robots": ("thesis", ["robots.0.count=300", "arena={width_cm: 500, height_cm: 500}"]),
-    "robots.controller": ("thesis", ["robots.0.controller=external", "robots.0.parameters={}"]),
-    "arena.movables": ("pushing", []),
-    "faults": ("thesis", ["faults=[{kind: ring_dead, robots: [1]}]"]),
-    "robots.present": ("thesis", ["robots=[{count: 3}, {count: 2, present: false}]"]),
-}
-
-
-@pytest.mark.parametrize("key", REFUSED)
-def test_what_cannot_be_a_page_is_refused_with_its_key_and_nothing_is_written(tmp_path: Path, key: str) -> None:
-    scenario, changes = REFUSED[key]
-    with pytest.raises(ScenarioError, match=rf": {re.escape(key)}: .*; `epuck-sim run` does$"):
-        write_page(scenario, tmp_path / "x.html", changes)
-    assert list(tmp_path.iterdir()) == []
-
-
 CURVE = "def phase_shift(phase, coupling, parameters):\n    return {}\n"
 SENSOR = """
 READINGS = {{"{0}": float}}
@@ -167,16 +141,6 @@ def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.Monk
     with pytest.raises(ScenarioError, match=r'response curves in files .* pip install "epuck-sim\[page\]"'):
         write_page("particles", tmp_path / "x.html", [f"response.curve={tmp_path / 'mine.py'}"])
     assert not (tmp_path / "x.html").exists()
-
-
-def test_firmware_is_refused_by_name(tmp_path: Path) -> None:
-    if shutil.which("cc") is None:
-        pytest.skip("there is no C compiler")
-    lines = ["#define PARAMETERS", "#define MEMORY", "#include <epuck.h>", "void start(void) {}", "void step(void) {}"]
-    (tmp_path / "mine.c").write_text("\n".join(lines))
-    changes = [f"robots.0.controller={tmp_path / 'mine.c'}", "robots.0.parameters={}"]
-    with pytest.raises(ScenarioError, match=r"robots\.controller: is .*mine.*; pages have controllers in Python"):
-        write_page("thesis", tmp_path / "x.html", changes)
 
 
 def test_commands_write_a_page_and_say_where_or_open_it_and_notebooks_show_it(monkeypatch, tmp_path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim import ParticleSimulation, ScenarioError, load_scenario
+from epuck_sim import ParticleSimulation, load_scenario
 from epuck_sim.particles.twin import make_twin, simulate_with_twin
 from tests.particles.naive_model import NaiveEvent, NaiveModel
 from tests.particles.simulations import KINDS, any_sections, compare_events, make_simulation, scenario, state_of
@@ -217,14 +217,10 @@ def test_the_order_parameter_is_that_of_all_phases_at_each_time():
         assert order == pytest.approx(abs(np.exp(2j * math.pi * swarm.phases()).mean()), abs=1e-12)
 
 
-def test_a_twin_of_ones_own_displacement_is_ahead_by_it_or_by_what_is_left_until_it_fires_and_changes_at_times_alone():
+def test_a_twin_of_ones_own_displacement_is_ahead_by_it_or_by_what_is_left_until_it_fires_and_may_change():
     given = load_scenario(scenario(agents={"count": 3}, start={"phases": [0.7, 0.4, 0.1]}))
     for ahead, phase in ((0.25, 0.95), (0.4, 1.0)):
         assert make_twin(given, 1, ahead).phases() == pytest.approx([phase, 0.4, 0.1])
-    entry = {"displace": {"by_cycles": 0.5}}
-    make_twin(make_simulation(schedule=[{"at_s": 1, **entry}]).scenario, 1)
-    with pytest.raises(ScenarioError, match="give at_s in the schedule"):
-        make_twin(make_simulation(schedule=[{"at_cycle": 1, **entry}]).scenario, 1)
 
 
 @pytest.mark.parametrize(("reorient_on", "moves_alike"), [([], True), (["receiving"], False)])

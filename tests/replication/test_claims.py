@@ -19,16 +19,7 @@ from epuck_sim.replication.claims import Check, Claim, largest_shift, order_zero
 from epuck_sim.replication.criteria import Effect, student
 from epuck_sim.replication.page import describe_check
 from epuck_sim.replication.sweeps import check_claim, needed_sweeps, sweep_scenario
-from epuck_sim.replication.verdicts import (
-    Finding,
-    Verdict,
-    chosen_points,
-    decide,
-    growth,
-    judge_claims,
-    run_check,
-    taken,
-)
+from epuck_sim.replication.verdicts import Finding, Verdict, decide, growth, judge_claims, run_check, taken
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.loader import Point, points
 from epuck_sim.scenario.particles import ParticleScenario
@@ -82,7 +73,7 @@ def test_points_are_compared_up_to_the_lowest_of_their_limits() -> None:
     assert run_check(ratio, points).effect.estimate.value == pytest.approx(1)
 
 
-def test_what_a_check_takes_is_of_series_and_powers_are_of_values_above_0() -> None:
+def test_what_a_check_takes_is_of_series() -> None:
     (point,) = in_memory(sweep({SPEED: [1]}, trials=2), lambda _: ended([1, 2]))
     series, numbers = (point._replace(measured=values) for values in (([0.5, 1.0], [2.0]), (0.5, None)))
     assert taken(check(of="x", take="largest", above=1), [series])[0].measured == (1.0, 2.0)
@@ -90,9 +81,6 @@ def test_what_a_check_takes_is_of_series_and_powers_are_of_values_above_0() -> N
     for keys, has, said in [({}, series, "x is a series"), ({"take": "final"}, numbers, "x is no series")]:
         with pytest.raises(EpuckSimError, match=said):
             taken(check(of="x", above=1, **keys), [has])
-    power = Check.model_validate({"test": "power_exponent", "along": SPEED, "above": 1})
-    with pytest.raises(EpuckSimError, match="takes values above 0"):
-        chosen_points(power, points(sweep({SPEED: [0, 1, 2]})))
 
 
 def test_points_of_a_ratio_are_paired_by_their_other_axes() -> None:

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_trial
-from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response
 from epuck_sim.theory.limits import Limit, find_limit, measure_pair
@@ -200,9 +199,7 @@ def test_receivers_drawn_for_each_pulse_and_robots_by_a_radio_that_all_receive_h
     assert "reaches all" in found.reason
 
 
-def test_what_is_left_out_is_said_and_robots_that_never_flash_are_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"robots\.1\.controller: is 'obstacle_avoidance'"):
-        predict(load_scenario("thesis", ["robots=[{count: 5}, {controller: obstacle_avoidance}]"]))
+def test_what_is_left_out_is_said() -> None:
     schedule = [{"at_cycle": 5, "set": {"agents.speed_cm_s": 3}}]
     given = {"model": "particles", "schedule": schedule, "agents": {"count": 5}, "start": {"phases": "synchronised"}}
     notes = " ".join(predict(load_scenario(given)).notes)
