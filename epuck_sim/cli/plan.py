@@ -60,7 +60,8 @@ def duration_of_scenario(points: Sequence[Point], wanted: int, budget_s: float, 
 
 def print_plan(name: str, duration: Duration, plan: TrialPlan | None, *, as_json: bool) -> None:
     """Print how long a sweep will take on stdout, and of a run folder how many trials show a difference."""
-    wall_s = duration.compute_s.apply(lambda seconds: seconds / duration.workers)
+    at_once = max(1, min(duration.workers, duration.left))
+    wall_s = duration.compute_s.apply(lambda seconds: seconds / at_once)
     if as_json:
         found = {"duration": {**duration._asdict(), "wall_s": wall_s.value}}
         show([], {**plan._asdict(), **found} if plan else found, as_json=True)

@@ -158,6 +158,8 @@ class SweepProgressBar(_ProgressLine):
 
     def __call__(self, progress: "SweepProgress") -> None:
         """Show the progress, if it is time to."""
+        if self.progress is None and progress.stored:
+            self._at_limit = dict.fromkeys(range(len(self.points)), -math.inf)  # how stored trials ended, is not told
         self.progress = progress
         if self.points and progress.last and progress.last.result:
             self._note(self.points[progress.last.point], is_censored=progress.last.result.censored is True)

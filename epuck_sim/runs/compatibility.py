@@ -42,7 +42,7 @@ def stored_point(point: Point) -> StoredPoint:
     """Return a point as it is stored, of the whole sweep."""
     scenario = point.scenario
     measures = {
-        section.name: {"measure": name_with_digest(*measure_sources(section)), **section.parameters}
+        section.name: {**section.parameters, "measure": name_with_digest(*measure_sources(section))}
         for section in scenario.measures
     }
     return StoredPoint(
@@ -58,7 +58,7 @@ def stored_point(point: Point) -> StoredPoint:
 
 WITH_VALUES = """
     (SELECT json_group_object(one.key, json(one.value)) FROM json_each(measures) AS one WHERE EXISTS (
-        SELECT 1 FROM trials WHERE point = points.key AND json_type(measured, '$."' || one.key || '"') IS NOT NULL))
+        SELECT 1 FROM trials, json_each(measured) AS value WHERE point = points.key AND value.key = one.key))
 """
 """SQL term: the measures of a point of which a trial has a value; the others may be replaced, or left out."""
 

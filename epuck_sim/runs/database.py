@@ -74,9 +74,9 @@ ENTER_POINT = (
 
 UNMEASURED = """
     EXISTS (SELECT 1 FROM json_each((SELECT measures FROM points WHERE key = point)) AS one
-            WHERE json_type(measured, '$."' || one.key || '"') IS NULL)
+            WHERE NOT EXISTS (SELECT 1 FROM json_each(measured) AS value WHERE value.key = one.key))
 """
-"""Condition on a trial: it lacks the value of a measure of its point."""
+"""Condition on a trial: it lacks the value of a measure of its point; paths of JSON have no names beyond ASCII."""
 
 NULL = -1  # number that stands for NULL in a column of numbers that are never negative
 

@@ -12,7 +12,7 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points
 from epuck_sim.runs.database import REPEATED, columns_of, file_uri, new_database, quoted, reading, sqlite_errors
 from epuck_sim.runs.folder import DATABASE, acquire
-from epuck_sim.runs.sources import is_trusted, read_sources, trust, write_files
+from epuck_sim.runs.sources import is_trusted, read_sources, trust, with_trials, write_files
 from epuck_sim.util.provenance import PROVENANCE, format_versions
 
 GOLDEN_RATIO = 0x9E3779B97F4A7C15
@@ -93,7 +93,7 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
     merged = [point._replace(trials=most[point.key]) for point in points[largest]]
     for folder, of_folder in points.items():
         check_same_sweep(folder, of_folder, merged, f"in {largest}")
-    sources = read_sources(largest)
+    sources = with_trials(read_sources(largest), max(most.values()))
     with acquire(whole):
         if (whole / DATABASE).exists():
             raise StoreError(
@@ -108,6 +108,13 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
             trust(whole)
 
 
+MEASURED_OTHERWISE = """
+    EXISTS (SELECT 1 FROM json_each(old.measured) AS one JOIN json_each(new.measured) AS other USING (key)
+            WHERE one.value IS NOT other.value)
+"""
+"""Condition on two rows of a trial: a measure has two values."""
+
+
 def _add(connection: sqlite3.Connection, folder: Path) -> None:
     path = folder / DATABASE
     with sqlite_errors(path):
@@ -115,7 +122,8 @@ def _add(connection: sqlite3.Connection, folder: Path) -> None:
     try:
         with sqlite_errors(path), connection:
             connection.execute("BEGIN")
-            differs = " OR ".join(f"old.{name} IS NOT new.{name}" for name in ("seed", "censored", *REPEATED))
+            same = ("seed", "censored", "events", *REPEATED)
+            differs = " OR ".join([*(f"old.{name} IS NOT new.{name}" for name in same), MEASURED_OTHERWISE])
             double = connection.execute(
                 "SELECT point, trial FROM main.trials AS old JOIN share.trials AS new USING (point, trial) "
                 f"WHERE old.error IS NULL AND new.error IS NULL AND ({differs}) LIMIT 1"

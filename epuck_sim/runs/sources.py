@@ -21,7 +21,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO, SCENARIO, robots_like
 from epuck_sim.scenario.particles import ParticleScenario, find_curve
 from epuck_sim.scenario.scenario import MeasureSection, Scenario
-from epuck_sim.scenario.yaml_io import write_yaml
+from epuck_sim.scenario.yaml_io import parse_yaml, write_yaml
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import CONTROLLERS, builtin_folder
 
@@ -94,7 +94,7 @@ def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) ->
         needed.setdefault(path, path.read_bytes())
         return path
 
-    _map_paths(keys, read)
+    _with_paths(keys, read)
     inside = {path: data for path, data in needed.items() if path.is_relative_to(root)}
     shipped = builtin_folder(CONTROLLERS)  # which files of users may import, and everybody has
     outside = {path: data for path, data in needed.items() if path not in inside and not path.is_relative_to(shipped)}
@@ -105,7 +105,7 @@ def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) ->
         place = places.get(path, path)
         return place.relative_to(root) if place.is_relative_to(root) else place
 
-    files[root / RUN_SCENARIO] = write_yaml(_map_paths(keys, relative)).encode()
+    files[root / RUN_SCENARIO] = write_yaml(_with_paths(keys, relative)).encode()
     named = {path.relative_to(root).as_posix(): data for path, data in files.items()}
     digests = "".join(f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in named.items())
     was_trusted = is_trusted(folder)
@@ -137,15 +137,22 @@ def _free_places(root: Path, files: Mapping[Path, bytes]) -> dict[Path, Path]:
     raise AssertionError
 
 
-def _map_paths(value: Any, change: Callable[[Path], Path], *, is_top: bool = True) -> Any:
-    """Return a scenario's keys in which the path of each file has been changed; FILE.py:NAME is one, too."""
+def _with_paths(keys: Mapping[str, Any], change: Callable[[Path], Path]) -> dict[str, Any]:
+    """Return a scenario's keys in which the path of each file has been changed.
+
+    What parameters of measures name stays as it is: their code opens it, wherever it is.
+    """
+    measures = [{_map_paths(name, change): given for name, given in each.items()} for each in keys["measures"]]
+    named = {key: _map_paths(value, change) for key, value in keys.items() if key not in (*NO_FILES, "measures")}
+    return {**keys, **named, "measures": measures}
+
+
+def _map_paths(value: Any, change: Callable[[Path], Path]) -> Any:
+    """Return a value in which the path of each file has been changed; FILE.py:NAME is one, too."""
     if isinstance(value, dict):
-        return {
-            _map_paths(key, change): each if is_top and key in NO_FILES else _map_paths(each, change, is_top=False)
-            for key, each in value.items()
-        }
+        return {_map_paths(key, change): _map_paths(each, change) for key, each in value.items()}
     if isinstance(value, list):
-        return [_map_paths(each, change, is_top=False) for each in value]
+        return [_map_paths(each, change) for each in value]
     if not isinstance(value, str) or not Path(value).is_absolute():
         return value
     for text, rest in ((value, ""), (value.rpartition(":")[0], value[value.rfind(":") :])):
@@ -164,6 +171,19 @@ def read_sources(folder: Path) -> dict[str, bytes]:
         except OSError as error:
             raise StoreError(f"{folder / name}: cannot be read: {error.strerror}; copy it, too") from error
     return found
+
+
+def with_trials(sources: Mapping[str, bytes], trials: int) -> dict[str, bytes]:
+    """Return a run folder's files, with so many trials in the scenario if it has fewer."""
+    before = sources[RUN_SCENARIO]
+    keys = parse_yaml(before.decode(), RUN_SCENARIO)
+    after = write_yaml({**keys, "trials": max(trials, keys["trials"])}).encode() if keys["trials"] < trials else before
+    digests = sources.get(DIGESTS, b"").replace(_hex(before), _hex(after))
+    return {**sources, RUN_SCENARIO: after, **({DIGESTS: digests} if DIGESTS in sources else {})}
+
+
+def _hex(data: bytes) -> bytes:
+    return hashlib.sha256(data).hexdigest().encode()
 
 
 def read_digests(folder: Path) -> dict[str, str] | None:

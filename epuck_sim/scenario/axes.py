@@ -236,6 +236,8 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     inner = (np.geomspace if is_log else np.linspace)(first, last, number)[1:-1]
     if key.rpartition(".")[2] in COUNTS:
         inner = np.round(inner)
+    if not is_log:
+        inner[np.abs(inner) < 1e-9 * (last - first)] = 0  # which a rounding has missed
     values = [first, *(float(f"{value:.6g}") for value in inner), last]
     if (different := len({*values})) < number:
         raise ValueError(f"{key} is {parts[0]}; rounded, only {different} values differ; allowed: fewer, or with :lin")

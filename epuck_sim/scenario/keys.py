@@ -2,10 +2,12 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from epuck_sim.errors import ScenarioError
+from epuck_sim.errors import MeasureError, ScenarioError
+from epuck_sim.measures.measure import find_measure
 from epuck_sim.scenario.axes import Rows, with_ranges
 from epuck_sim.scenario.base import ends_in, refused_at
 from epuck_sim.scenario.embodied import noise_keys
@@ -165,7 +167,9 @@ def merge(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     return merged
 
 
-def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) -> dict[str, Any]:
+def add_measures(
+    given: Mapping[str, Any], names: Sequence[str], origin: str, folder: Path | None = None
+) -> dict[str, Any]:
     """Return the mapping `given` with more measures after those that it has; parameters of any can then be set.
 
     A measure is its name, or as in a file: `coverage: {cells: 4}`. One that is there already is not added: a command
@@ -176,7 +180,19 @@ def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) ->
         raise ScenarioError(f"{origin}: measures: is {short_repr(own)}; allowed: a list")
     there = [{each: {}} if isinstance(each, str) else each for each in own]
     added: list[Any] = [parse_yaml(name, f"--measure {name}") if ": " in name else {name: {}} for name in names]
+    known = {_contents(name, folder): name for each in there if isinstance(each, Mapping) for name in each}
+    for place, each in enumerate(added):
+        if isinstance(each, Mapping):  # a run folder has files of its own
+            added[place] = {known.get(_contents(name, None), name): given for name, given in each.items()}
     return {**given, "measures": [*own, *(each for each in added if not any(_includes(old, each) for old in there))]}
+
+
+def _contents(measure: Any, folder: Path | None) -> object:
+    """Return what tells whether two measures are the same, wherever they lie."""
+    with suppress(MeasureError):
+        found = find_measure(str(measure), folder)
+        return found.name, tuple(found.sources.values())
+    return measure
 
 
 def _includes(measure: Any, other: Any) -> bool:

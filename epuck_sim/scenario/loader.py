@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, overload
 
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.errors import ScenarioError
+from epuck_sim.measures.measure import find_measure
 from epuck_sim.scenario import keys
 from epuck_sim.scenario.arena import find_picture
 from epuck_sim.scenario.axes import canonical_text
@@ -141,7 +142,7 @@ def load_scenario(
     if controller is not None:
         given = keys.note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"])
     if measures:
-        given = keys.add_measures(given, measures, origin)
+        given = keys.add_measures(given, measures, origin, folder)
     _reject_endings(given, origin, folder)
     parsed = [keys.parse_axis(axis, "--sweep") for axis in axes]
     changed: list[str] = []
@@ -201,6 +202,7 @@ FILES: Mapping[str, Callable[[str, Path | None], str]] = {
     r"(robots\.\d+\.)?sensors\.\w+(\.file)?": lambda name, folder: find_sensor(name, folder).stored_name,
     r"(robot|robots\.\d+\.kind)(\.kind)?": lambda name, folder: ROBOT.locate(name, folder).name,
     r"response\.curve": lambda name, folder: find_curve(name, folder).name,
+    r"measures\.\d+": lambda name, folder: find_measure(name, folder).stored_name,
     r"arena\.floor\.picture": find_picture,
     r"start\.like": find_like,
 }
@@ -216,7 +218,7 @@ def _map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
     names_files = _finder(key) is not None
     if names_files and isinstance(value, str):
         return change(key, value)
-    if names_files and isinstance(value, Mapping) and re.search(r"sensors\.\d+$", key):  # in a list, with parameters
+    if names_files and isinstance(value, Mapping) and re.search(r"(sensors|measures)\.\d+$", key):  # with parameters
         return {change(key, str(name)): each for name, each in value.items()}
     if isinstance(value, Mapping):
         return {name: _map_files(f"{key}.{name}", each, change) for name, each in value.items()}

@@ -12,7 +12,7 @@ from epuck_sim.runs.share import WHOLE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.axes import group_rows
 from epuck_sim.scenario.keys import axis_key
-from epuck_sim.scenario.loader import Point
+from epuck_sim.scenario.loader import Point, describe_axes
 from epuck_sim.statistics.sequential import FIRST_LOOK, Precision, look_contrast, look_interval, look_sizes
 from epuck_sim.statistics.statistic import Measured, restrict
 from epuck_sim.util.messages import comma_list, counted
@@ -72,13 +72,20 @@ class Looks:
         if self._key not in rows[0] or min(map(len, self._groups(points))) == 1:
             said = "allowed: an axis with two values or more, among"
             raise EpuckSimError(f"--contrast is {self._key}; {said} {comma_list(list(rows[0]))}")
+        for group in self._groups(points):
+            if group[0].axes[self._key] != rows[0][self._key]:
+                where = f"point {group[0].number} ({describe_axes(group[0].axes)})"
+                raise EpuckSimError(f"--contrast is {self._key}; {where} has none beside it with its first value")
 
     def _groups(self, points: Sequence[Point]) -> list[list[Point]]:
-        """Return the points that are looked at together: each alone, or those that differ in the contrast's key."""
-        if self._key is None:
+        """Return the points that are looked at together: each alone, or those that differ in the contrast's key.
+
+        The one that has the key's first value comes first.
+        """
+        if (key := self._key) is None:
             return [[point] for point in points]
-        groups = group_rows([point.axes for point in points], self._key)
-        return [[points[place] for place in places] for _, places in groups]
+        groups = [[points[place] for place in places] for _, places in group_rows([each.axes for each in points], key)]
+        return [sorted(group, key=lambda point: point.axes[key] != points[0].axes[key]) for group in groups]
 
     def begin(self, store: Store, points: Sequence[Point], finished: FinishedTrials) -> list[int]:
         """Look at what is stored, and return the number of trials that each point is for so far."""
