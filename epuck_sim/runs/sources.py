@@ -85,8 +85,11 @@ def name_with_digest(path: str, sources: Mapping[Path, bytes]) -> str:
     return Path(path).name + digest
 
 
-def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) -> None:
-    """Write a scenario into a run folder, with the users' files that it names, by paths relative to the folder."""
+def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) -> dict[Path, bytes]:
+    """Write a scenario into a run folder, with the users' files that it names, by paths relative to the folder.
+
+    Returns the contents of these files, where they are.
+    """
     root, keys = folder.resolve(), scenario.model_dump(mode="json")
     needed = {path: data for each in used for _, files in _all_sources(each) for path, data in files.items()}
 
@@ -112,6 +115,7 @@ def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) ->
     write_files(folder, {**named, DIGESTS: digests.encode()})
     if was_trusted:  # all code in it is now what this user has run anyway
         trust(folder)
+    return needed
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:

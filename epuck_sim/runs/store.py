@@ -6,7 +6,7 @@ results of two scenarios.
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -92,7 +92,7 @@ class Store:
             different = {
                 (row.controllers, row.measures): point.scenario for row, point in zip(rows, points, strict=True)
             }
-            write_sources(folder, scenario, different.values())
+            self._sources = write_sources(folder, scenario, different.values())
             stack.enter_context(sqlite_errors(self._path))
             self._connection = stack.enter_context(writing(self._path))
             opened = self._path.stat()
@@ -153,6 +153,7 @@ class Store:
         places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
         self._new = 0
         self._check_ours()
+        self._check_sources()
         with sqlite_errors(self._path), self._connection:
             if self._has_measures:
                 are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
@@ -170,6 +171,15 @@ class Store:
                 f"{self._path.parent}: was moved, deleted, replaced or taken over while this run was at work on it, "
                 "which has ended; what it has stored is where the folder is now: go on there"
             )
+
+    def _check_sources(self) -> None:
+        for path, contents in self._sources.items():
+            with suppress(OSError):  # an editor is replacing it
+                if path.read_bytes() != contents:
+                    raise StoreError(
+                        f"{path}: was changed while this run was at work, which has ended: {self._path.parent} has "
+                        "trials of the file as it was; put it back to go on, or give another folder"
+                    )
 
     def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
         columns = (*REPEATED, "measured", "events")

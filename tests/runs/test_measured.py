@@ -12,17 +12,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim.errors import StoreError
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_points, read_status
-from epuck_sim.runs.store import difference
+from epuck_sim.runs.store import Store, difference
 from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, called
 from tests.measures.files import COUNTER, write
-from tests.runs.made_folders import edit, put, refusal, rows, stored
+from tests.runs.made_folders import edit, outcome, put, refusal, rows, stored
 from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import Stopped, agents_sweep, stopper, table
 
@@ -108,7 +109,11 @@ def test_a_folder_is_refused_to_other_measures(folder, mine, tmp_path):
     other = refusal(folder, otherwise)
     assert "another measure Counter; give another folder: offset: 1 in the folder, 2 now" in other
     assert "holds results of the measure Counter, which is lacking now" in refusal(folder, scenario())
-    write(own, mine.read_text() + "\n# edited\n")
+    found = points(counting)
+    with Store(folder, counting, found) as store:
+        write(own, mine.read_text() + "\n# edited\n")
+        with pytest.raises(StoreError, match=r"mine\.py: was changed while this run was at work"):
+            store.add([outcome(found[0], 1, measures={"Counter": 2.0})])
     edited = refusal(folder, scenario({f"{own}:Counter": {"offset": 1}}))
     assert "another measure Counter; give another folder: measure: 'mine.py:Counter with digest " in edited
     assert [point.measured for point in read_points(folder, "Counter")] == [(1.0,)]
@@ -124,12 +129,13 @@ def everything(folder):
 
 def test_a_run_that_was_stopped_goes_on(folder, counter):
     run(folder, "near_walls")
+    counter = {counter: {"as": "Zähler"}}
     with pytest.raises(Stopped):
         run_sweep(agents_sweep(["near_walls", counter]), folder, pool_here, stopper(1))
     status = read_status(folder)
     assert (status.stored, status.unmeasured, status.failed) == (6, 5, [])
     assert "5 of these results lack measures that were added" in called("status", folder)
-    assert sorted(point.measured.count(None) for point in read_points(folder, "Counter")) == [2, 3]
+    assert sorted(point.measured.count(None) for point in read_points(folder, "Zähler")) == [2, 3]
     progress = run(folder, "near_walls", counter)
     assert (progress.ended, progress.stored, read_status(folder).unmeasured) == (5, 6, 0)
 

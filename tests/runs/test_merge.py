@@ -114,7 +114,9 @@ def test_a_sweep_that_has_grown_meanwhile_is_as_large_as_its_largest_share_of_ea
     measured = load_scenario(MANY.model_copy(update={"trials": 7}), measures=["near_walls"])
     more = fill_share(tmp_path / "more", Share(1, 2), MANY.model_copy(update={"trials": 9}))
     merge_folders([more, fill_share(tmp_path / "measured", Share(2, 2), measured)], tmp_path / "both")
-    assert [section.name for section in load_scenario(tmp_path / "both").measures] == ["near_walls"]
+    both = load_scenario(tmp_path / "both")
+    assert ([section.name for section in both.measures], both.trials) == (["near_walls"], 9)
+    assert all(each.is_whole for each in verify(tmp_path / "both"))
     counts = {"a": [7, 2, 2, 2, 2, 2], "b": [4] * 6}
     for name, trials in counts.items():
         found = points(MANY)
@@ -132,6 +134,13 @@ def test_folders_of_another_scenario_or_controller_or_version_are_refused(tmp_pa
     version = fill_share(tmp_path / "version", Share(2, 2))
     edit(version, "UPDATE trials SET numba = '0.1' WHERE trial = 1")
     double = fill_share(tmp_path / "double", Share(1, 2), cycles=5)
+    measured = load_scenario(MANY, measures=["near_walls"])
+    first, second = (
+        fill_share(tmp_path / name, Share(1, 2), measured, measures={"near_walls": value})
+        for name, value in (("first", 0.1), ("second", 0.2))
+    )
+    with pytest.raises(StoreError, match=r"trial . at .* differs from that of another folder"):
+        merge_folders([first, second], tmp_path / "merged")
     for other, message in (
         (noisy, "seed: 5 in the folder, 0 in|seed: 0 in the folder, 5 in"),
         (axes, "holds another sweep; axes in the folder and in"),
@@ -265,7 +274,8 @@ def test_files_of_the_same_name_that_come_later_lie_beside_the_first(made: Path,
         pass
     assert (made / "sources" / "coverage.py").read_text() == MEASURE
     assert "other" in (made / "sources-2" / "coverage.py").read_text()
-    names = [each.measure.rpartition("/")[2] for each in load_scenario(made).measures]
+    again = load_scenario(made, measures=[str(tmp_path / "own" / "coverage.py")])  # a command that was killed
+    names = [each.measure.rpartition("/")[2] for each in again.measures]
     assert names == ["coverage.py:coverage", "coverage.py:other"]
 
 

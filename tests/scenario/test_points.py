@@ -115,6 +115,7 @@ def test_ranges_stand_beside_values_in_files_and_of_whole_numbers_are_whole() ->
     sweep = load_scenario({"sweep": {"grid": grid}}).sweep
     assert sweep.grid == {"robots.0.count": (5, 10, 15, 20), "arena.width_cm": (50, 60, 70, 80)}
     assert all(isinstance(value, int) for value in sweep.grid["robots.0.count"])
+    assert with_ranges("a.x", "-0.1:0.2:4") == [-0.1, 0.0, 0.1, 0.2]
 
 
 COUNT, SPEED = "robots.0.count", "robots.0.parameters.speed_cm_s"

@@ -57,6 +57,7 @@ def outcomes_of_length(wall_s: float, count: int) -> list[Outcome]:
 
 def test_tasks_are_the_same_on_the_other_side_and_their_scenario_is_pickled_once(monkeypatch) -> None:
     monkeypatch.setattr(worker, "MOST_PACKED", 2)
+    monkeypatch.setattr(worker, "_pickled", {})
     pickled = []
     monkeypatch.setattr(Scenario, "__reduce_ex__", lambda self, version: (
         pickled.append(self.name), object.__reduce_ex__(self, version))[1])  # fmt: skip
