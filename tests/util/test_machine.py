@@ -104,7 +104,7 @@ def test_what_needs_more_memory_than_there_is_is_refused_with_both_numbers(tmp_p
 
 def test_a_sweep_is_refused_whose_workers_need_more_together(monkeypatch) -> None:
     found = points(load_scenario(LARGE, axes=["robots.0.camera.pixels=1,400"]))
-    for module in ("epuck_sim.util.machine", "epuck_sim.sweep.run"):
+    for module in ("epuck_sim.util.machine", "epuck_sim.sweep.demand"):
         monkeypatch.setattr(f"{module}.available_bytes", lambda: 500_000_000)
     check_memory(found, 3)
     with pytest.raises(ScenarioError, match=r"4 workers needs about 640 MB of memory, and 500 MB .* give --workers 3"):
