@@ -40,7 +40,8 @@ try:
     from numba.core.errors import NumbaTypeError
     from numba.core.imputils import lower_cast
     from numba.core.runtime.nrt import rtsys
-    from numba.core.typed_passes import NativeLowering
+    from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
+    from numba.core.untyped_passes import InlineClosureLikes
     from numba.extending import intrinsic
     from numba.np.arrayobj import array0d_to_scalar, populate_array
 except ImportError as error:
@@ -119,11 +120,16 @@ class _PartLowering(NativeLowering):  # stops before it makes machine code
         return True
 
 
+NEEDLESS = (InlineClosureLikes, InlineOverloads, NopythonRewrites)
+"""Passes of numba for closures, inlined overloads, and expressions of arrays."""
+
+
 class _PartCompiler(CompilerBase):
     def define_pipelines(self) -> list[Any]:
-        """Return numba's passes, with `_PartLowering`."""
+        """Return numba's passes with `_PartLowering`, and without those for what no kernel has."""
         manager: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        manager.passes = [(_PartLowering if each is NativeLowering else each, text) for each, text in manager.passes]
+        needed = [(each, text) for each, text in manager.passes if each not in NEEDLESS]
+        manager.passes = [(_PartLowering if each is NativeLowering else each, text) for each, text in needed]
         manager.finalize()
         return [manager]
 
