@@ -1,5 +1,5 @@
 """Pages: a scenario as one HTML file, in which the program's own kernels run as WebAssembly.
 
-`kernels` says where a page's WebAssembly is and `roots` what it is made of, `build` makes it, `agents` and `robots` say
-what a page needs to know of a scenario, `writer` writes the page, and `web/` is what runs in the browser.
+`roots` says what a page's WebAssembly is made of, and where it is, `build` makes it, `agents` and `robots` say what a
+page needs to know of a scenario, `writer` writes the page, and `web/` is what runs in the browser.
 """

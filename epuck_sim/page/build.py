@@ -17,8 +17,7 @@ from typing import get_args
 
 from epuck_sim.embodied.bodies.chipmunk import FUNCTIONS
 from epuck_sim.errors import ScenarioError
-from epuck_sim.page.kernels import FOLDER, Model
-from epuck_sim.page.roots import Root, digest_kernels, roots
+from epuck_sim.page.roots import FOLDER, Model, Root, digest_kernels, roots
 from epuck_sim.util.machine import in_bytes
 from epuck_sim.util.native import compile_elsewhere
 

@@ -1,4 +1,10 @@
-"""The kernels that a page calls, or that others call by their addresses: what a WebAssembly module is compiled from."""
+"""The kernels that pages run: a WebAssembly module for each model, made once, for every scenario.
+
+A module is made of the kernels that a page calls, or that others call by their addresses. It is made by `build`, and
+lies in a folder beside this file with the digest of what it is made from. Kernels keep their names in it. What a swarm
+calls has a number in an array of addresses, as it has in the program; in a page, an address is an index in the module's
+table of functions.
+"""
 
 import ast
 import hashlib
@@ -7,7 +13,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import FunctionType, ModuleType, SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numba import types
@@ -19,13 +25,20 @@ from epuck_sim.embodied import controllers, loop, start
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.sensors import camera, flash_cone, infrared, radio
 from epuck_sim.embodied.user_code import completion, run_sensor
-from epuck_sim.page.kernels import FOLDER, Model
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
 from epuck_sim.scenario.particles import ResponseSection, find_curve
 from epuck_sim.util import elementary, generators
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 from epuck_sim.util.jit import bind
 from epuck_sim.util.native import ADDRESSES, BLOCK, compile_part
+
+Model = Literal["particles", "embodied"]
+
+FOLDER = Path(__file__).parent / "wasm"
+"""Where the modules lie, gzipped, each with its digest."""
+
+ANEW = "make it anew: make wasm"
 
 WORDS, ROWS = types.Array(types.uint64, 1, "C"), types.Array(types.float64, 2, "C")
 
@@ -109,6 +122,15 @@ def _user_functions(described: Any, **functions: Any) -> dict[str, Any]:
 def _careful(function: Any) -> Any:
     """Return a kernel of a user's file, in which errors are Python's and indices are checked."""
     return SimpleNamespace(function=function, part=compile_part(function, error_model="python", boundscheck=True))
+
+
+def read_module(model: Model) -> bytes:
+    """Return the WebAssembly of a model, gzipped; raise EpuckSimError if it has not been made."""
+    path = FOLDER / f"{model}.wasm.gz"
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise EpuckSimError(f"{path}: is missing; {ANEW}") from error
 
 
 # --- what a module is made from ------------------------------------------------------------------------

@@ -15,9 +15,9 @@ from epuck_sim import __version__
 from epuck_sim.display.html import check_suffix
 from epuck_sim.display.table import leaves
 from epuck_sim.page.agents import agents_facts, agents_settings
-from epuck_sim.page.kernels import Model, read_module
 from epuck_sim.page.own import compile_own
 from epuck_sim.page.robots import robots_facts, robots_settings
+from epuck_sim.page.roots import Model, read_module
 from epuck_sim.page.settings import Setting, Value
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, robots_like

@@ -16,8 +16,7 @@ import yaml
 
 from epuck_sim import ParticleSimulation, ScenarioError, Simulation, load_scenario, run_trial
 from epuck_sim.page import own
-from epuck_sim.page.kernels import ANEW, read_module
-from epuck_sim.page.roots import is_fresh, meanings
+from epuck_sim.page.roots import ANEW, is_fresh, meanings, read_module
 from epuck_sim.page.writer import make_page, page_data, write_page
 from epuck_sim.statistics.statistic import Measured, estimate_mean
 from epuck_sim.trial.model import simulate
