@@ -7,7 +7,7 @@ there is no function, `world` has the records themselves (see `control.interface
 import math
 
 from epuck_sim.control.interface import World
-from epuck_sim.embodied.cells import cell_index
+from epuck_sim.embodied.cells import members_along, rows_along
 from epuck_sim.embodied.sensors.sight import to_disc, to_segment
 from epuck_sim.embodied.start import clearance_cm as clearance_of
 from epuck_sim.util.elementary import sin_cos
@@ -67,17 +67,13 @@ def clearance_cm(world: World, x: float, y: float) -> float:
 @jit_no_alloc
 def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = NOBODY) -> int:
     """Return the number of the robot, `but` for one, that is nearest to a point by its centre; `NOBODY` if none is."""
-    swarm, scene = world.swarm, world.swarm.scene[0]
-    left, right = max(x - range_cm, 0.0), min(x + range_cm, world.width_cm)  # no whole number is as large as a far x
-    low, high = max(y - range_cm, 0.0), min(y + range_cm, world.height_cm)
-    first_column = cell_index(min(left, world.width_cm), scene.cell_width_cm, scene.columns)
-    last_column = cell_index(max(right, 0.0), scene.cell_width_cm, scene.columns)
-    first_row = cell_index(min(low, world.height_cm), scene.cell_height_cm, scene.rows)
-    last_row = cell_index(max(high, 0.0), scene.cell_height_cm, scene.rows)
+    swarm, reach_cm = world.swarm, min(range_cm, world.width_cm + world.height_cm)  # cells have no infinite numbers
+    inside_x, inside_y = min(max(x, 0.0), world.width_cm), min(max(y, 0.0), world.height_cm)
     nearest, least = NOBODY, range_cm * range_cm
+    first_row, last_row = rows_along(inside_y, inside_y, reach_cm, swarm.scene[0])
     for row in range(first_row, last_row + 1):
-        first = row * scene.columns
-        for place in range(swarm.cells[first + first_column], swarm.cells[first + last_column + 1]):
+        start, end = members_along(inside_x, inside_y, inside_x, inside_y, reach_cm, row, swarm)
+        for place in range(start, end):
             member = swarm.members[place]
             dx, dy = member.x - x, member.y - y
             square = dx * dx + dy * dy
