@@ -63,14 +63,11 @@ def is_ours(path: Path) -> bool:
     return USER is None or path.lstat().st_uid == USER
 
 
-def is_open_to_others(path: Path) -> bool:
-    """Return whether other users can write to a file or folder, as its mode has it."""
-    return USER is not None and bool(path.lstat().st_mode & 0o022)
-
-
 def _is_private(folder: Path) -> bool:
     """Return whether a folder, which is no link, belongs to this user, and no other can write to it."""
-    return not folder.is_symlink() and folder.is_dir() and is_ours(folder) and not is_open_to_others(folder)
+    if folder.is_symlink() or not folder.is_dir():
+        return False
+    return USER is None or (is_ours(folder) and not folder.lstat().st_mode & 0o022)
 
 
 def remove_unused(paths: Iterable[Path], is_compiled: Callable[[Path], bool]) -> None:

@@ -292,11 +292,10 @@ def test_a_folder_that_others_can_write_to_is_not_taken(temporary: Path, kind: s
 
 def test_without_users_all_files_are_ours(tmp_path: Path, monkeypatch) -> None:
     tmp_path.chmod(0o777)
-    assert cache_folder.is_open_to_others(tmp_path)
-    assert cache_folder.is_ours(tmp_path)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(cache_folder, "USER", None)
     assert cache_folder.is_ours(Path("/"))
-    assert not cache_folder.is_open_to_others(tmp_path)
+    assert cache_root.__wrapped__() == tmp_path
 
 
 def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tmp_path, monkeypatch) -> None:
