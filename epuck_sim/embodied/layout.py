@@ -177,9 +177,10 @@ def _set_floor(swarm: Swarm, arena: Arena) -> None:
 def _set_robots(robots: Any, scenario: EmbodiedScenario) -> None:
     robots.number = np.arange(len(robots))
     robots.present = scenario.present
-    robots.wheel_gain = robots.free_gain = robots.clock_rate = robots.infrared_gain = 1.0
+    robots.wheel_gain = robots.clock_rate = robots.infrared_gain = 1.0
     robots.own_step_ms = robots.sensors.step_ms = scenario.timing.step_ms
-    robots.sensors.new_picture = robots.is_stuck = True  # stuck until time 0, when all are freed
+    robots.sensors.new_picture = True
+    robots.is_stuck = scenario.stuck.per_hour > 0  # until time 0, when all are freed
     robots.starts_anew_at = -1.0
 
 

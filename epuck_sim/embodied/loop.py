@@ -60,8 +60,6 @@ def stop_and_release(block: ByteArray, _addresses: IntArray, _number: int) -> No
             robot.is_stuck = not robot.is_stuck
             mean_s = scene.mean_stuck_s if robot.is_stuck else scene.mean_free_s
             robot.stuck_until_s -= mean_s * log(1.0 - uniform(robot.variation_random))
-        for wheel in range(2):
-            robot.wheel_gain[wheel] = 0.0 if robot.is_stuck else robot.free_gain[wheel]
 
 
 @jit_no_alloc
@@ -99,10 +97,10 @@ def apply_commands(swarm: Swarm) -> int:
         robot.ring_on = robot.ring_command
         # a noise of 0 makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki); turns come first
         noise, gain = robot.wheel_noise, robot.wheel_gain
-        if gain[0] == gain[1] == 0.0:  # it is stuck
-            turn = 0.0
         left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]
         right = robot.right_cm_s * (1.0 + slip * (2.0 * noise[1] - 1.0)) * gain[1]
+        if robot.is_stuck:
+            left, right, turn = 0.0, 0.0, 0.0
         spin = (right - left) / robot.wheel_base_cm
         half = 0.5 * spin * step_s
         # the chord is shorter than the arc by sin(half) / half
@@ -422,10 +420,7 @@ class Commands:
         self.memory = block, addresses  # of the swarm, and of what it calls
         external = {part: [part in each.external for each in controllers] for part in EXTERNAL}
         self.robots = {part: np.flatnonzero(np.repeat(each, swarm.groups["count"])) for part, each in external.items()}
-        actuators = swarm.robots["actuators"].view(np.ndarray)
-        self._targets: dict[str, tuple[npt.NDArray[Any], IntArray]] = {
-            name: (actuators[name], self.robots[part]) for name, part in PARTS.items()
-        }
+        self._actuators = swarm.robots.actuators
 
     def carry_out(self, commands: Mapping[str, npt.NDArray[Any]]) -> None:
         """Have robots do what is commanded, by names in `PARTS`, from the last control step on.
@@ -438,8 +433,7 @@ class Commands:
         for name, values in commands.items():
             self._check(name, values)
         for name, values in commands.items():
-            actuators, robots = self._targets[name]
-            actuators[robots] = values
+            self._actuators[name][self.robots[PARTS[name]]] = values
         act_again(*self.memory)
 
     def _check(self, name: str, values: npt.NDArray[Any]) -> None:

@@ -78,7 +78,6 @@ def vary(block: ByteArray) -> None:
         both = 1 + spread[0] * (2 * uniform(random) - 1)
         for wheel in range(2):
             robot.wheel_gain[wheel] = both * (1 + spread[1] * (2 * uniform(random) - 1))
-            robot.free_gain[wheel] = robot.wheel_gain[wheel]
         robot.clock_rate = 1 + spread[2] * (2 * uniform(random) - 1)
         robot.own_step_ms = step_ms * robot.clock_rate
         for sensor in range(len(robot.infrared_gain)):

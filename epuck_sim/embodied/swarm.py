@@ -60,14 +60,13 @@ ROBOT = record_type(
         ("may_touch", "?"),  # whether it may touch something in this control step that takes Chipmunk to settle
         ("partner", "i8"),  # the only robot that it may touch, itself if that is no robot, or -1: see `bodies.contacts`
         ("in_space", "?"),  # whether its body is in Chipmunk's space
-        ("is_stuck", "?"),
+        ("is_stuck", "?"),  # whether it stays where it is, whatever is commanded
         ("sends", "?"),  # whether its radio pulse is on the air
         ("actuators", ACTUATORS),  # what its controller sets
         ("sensors", SENSED),
         ("wheel_limit_cm_s", "f8"),  # largest speed of a wheel
         ("wheel_base_cm", "f8"),  # distance between its wheels
-        ("wheel_gain", "f8", 2),  # factor of each wheel's speed, 0 while the robot is stuck
-        ("free_gain", "f8", 2),  # the same when it is not
+        ("wheel_gain", "f8", 2),  # factor of each wheel's speed
         ("clock_rate", "f8"),  # rate of its clock, relative to real time
         ("own_step_ms", "f8"),  # ms of a control step by its clock
         ("infrared_gain", "f8", SENSORS),  # factor of each sensor's reading

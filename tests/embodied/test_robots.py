@@ -196,7 +196,7 @@ def test_a_turn_on_the_spot_comes_before_the_arc_rings_are_lit_at_once_and_what_
     expected = arc((500, 500, 1.5), 3, 4)
     np.testing.assert_allclose(world.poses + world.velocities * 0.1, [expected], rtol=0, atol=1e-9)
     assert (world.swarm.robots.ring_on, world.swarm.robots.ring_command) == (True, True)
-    world.swarm.robots.wheel_gain = 0  # it is stuck
+    world.swarm.robots.is_stuck = True
     command(world, [(3, 4)], turn_rad=0.5)
     assert not world.velocities.any()
     for part in ("left_cm_s", "right_cm_s", "turn_rad"):
@@ -233,7 +233,6 @@ def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(speed, 
     for robot, stream in zip(swarm.robots, robot_streams(np.random.SeedSequence(4), robots), strict=True):
         drawn = np.array([2 * uniform(stream) - 1 for _ in range(12)])
         np.testing.assert_array_equal(robot.wheel_gain, (1 + speed * drawn[0]) * (1 + imbalance * drawn[1:3]))
-        np.testing.assert_array_equal(robot.free_gain, robot.wheel_gain)
         assert robot.own_step_ms == 100 * robot.clock_rate == 100 * (1 + clock * drawn[3])
         np.testing.assert_array_equal(robot.infrared_gain, 1 + gain * drawn[4:])
 
@@ -267,14 +266,11 @@ def test_robots_are_free_and_stuck_by_turns_for_exponential_times_as_a_slow_twin
     block = block_of(robots, step_ms=step_ms)
     swarm = open_block(block)
     swarm.scene[0].mean_stuck_s, swarm.scene[0].mean_free_s = 5, 10
-    swarm.robots.free_gain, swarm.robots.is_stuck = 0.75, True
-    gain, found = swarm.robots.wheel_gain, np.empty((steps, robots), bool)
+    swarm.robots.is_stuck, found = True, np.empty((steps, robots), bool)
     for step in range(steps):
         swarm.scene[0].step = step
         stop_and_release(block, NOWHERE, 0)
-        assert ((gain == 0.75) | (gain == 0)).all()
-        found[step] = gain[:, 0] == 0
-        np.testing.assert_array_equal(gain[:, 0], gain[:, 1])
+        found[step] = swarm.robots.is_stuck
     np.testing.assert_array_equal(found, np.transpose(changes) % 2 == 1)
 
 
