@@ -5,7 +5,7 @@ import math
 from typing import Any
 
 from epuck_sim import elementary
-from epuck_sim.page.own import CURVE
+from epuck_sim.page.roots import CURVE
 from epuck_sim.page.settings import Setting, fields_of, refuse, stops
 from epuck_sim.particles import neighbours
 from epuck_sim.particles.initial_conditions import rules_of

@@ -1,4 +1,7 @@
-"""Makes the WebAssembly modules of pages: `python -m epuck_sim.page.build`, with ziglang, which links them.
+"""Makes WebAssembly with ziglang, which links it: `python -m epuck_sim.page.build` the modules of pages.
+
+A scenario's own controllers, sensors and response curves are kernels as shipped ones are: for its page they are made
+into a module beside the model's, in its memory.
 
 Kernels are taken as numba makes them, before anything in them depends on this machine, and compiled for WebAssembly by
 the LLVM that numba brings, without fast-math: each number is the program's, to the bit.
@@ -11,13 +14,19 @@ import sys
 import tarfile
 import tempfile
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from importlib.metadata import version
+from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
 from typing import get_args
 
 from epuck_sim.embodied.bodies.chipmunk import FUNCTIONS
 from epuck_sim.errors import ScenarioError
-from epuck_sim.page.roots import FOLDER, Model, Root, digest_kernels, roots
+from epuck_sim.page.roots import FOLDER, Model, Root, digest_kernels, own_roots, roots
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.machine import in_bytes
 from epuck_sim.util.native import compile_elsewhere
 
@@ -70,6 +79,46 @@ def _why_not(said: str) -> str:
         f"code in a file calls what pages do not have ({', '.join(lacking)}), such as new arrays or lists; "
         "`epuck-sim run` does"
     )
+
+
+# --- a module of a scenario's own files ---------------------------------------------------------------------
+
+FIRST_BYTE = 18 * 2**20  # of the module's part of the memory: behind what the model's module has from its start on
+BYTES = 2**20  # size of that part: its constants, its stack, and what its functions allocate
+STACK_BYTES = 2**18
+
+PLACED = (
+    *("-Wl,--import-memory", f"-Wl,--initial-memory={FIRST_BYTE + BYTES}"),
+    f"-Wl,-z,stack-size={FIRST_BYTE + STACK_BYTES}",  # which grows down from there, and constants stand behind it
+)
+"""Options of the linker that put a module in its place."""
+
+
+def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
+    """Return the module of a scenario's own files, gzipped; nothing if there are none.
+
+    ScenarioError is raised without ziglang, and for a file that calls what pages do not have.
+    """
+    if not own_roots(scenario):
+        return b""
+    if find_spec("ziglang") is None:
+        what = "controllers, sensors and response curves in files are compiled for a page by ziglang"
+        raise ScenarioError(f'{scenario.name}: {what}: pip install "epuck-sim[page]"')
+    try:
+        with ProcessPoolExecutor(1, get_context("spawn")) as executor:
+            return executor.submit(_compile, scenario).result()
+    except BrokenProcessPool as error:
+        said = "begin it with `if __name__ == '__main__':`, as it is imported where the page's files are compiled"
+        raise ScenarioError(f"{scenario.name}: what writes the page in your script must stand below; {said}") from error
+
+
+def _compile(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
+    own = own_roots(scenario)
+    with tempfile.TemporaryDirectory() as folder:
+        return gzip.compress(link(compile_kernels(own), own, Path(folder), *PLACED), 9, mtime=0)
+
+
+# --- modules of models ------------------------------------------------------------------------------------
 
 
 def chipmunk_sources(folder: Path) -> list[object]:

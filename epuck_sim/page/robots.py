@@ -18,8 +18,7 @@ from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
 from epuck_sim.embodied.user_code import OwnSensor
-from epuck_sim.page.own import own_controllers, own_sensors
-from epuck_sim.page.roots import shipped_root
+from epuck_sim.page.roots import own_controllers, own_sensors, shipped_root
 from epuck_sim.page.settings import Setting, fields_of, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import with_values

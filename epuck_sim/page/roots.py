@@ -20,14 +20,16 @@ from numba import types
 
 from epuck_sim.control.compilation import jit_functions
 from epuck_sim.control.interface import Controller, Sensor
-from epuck_sim.control.loader import find_controller
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.embodied import controllers, loop, start
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.sensors import camera, flash_cone, infrared, radio
 from epuck_sim.embodied.user_code import completion, run_sensor
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
-from epuck_sim.scenario.particles import ResponseSection, find_curve
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.particles import ParticleScenario, ResponseSection, find_curve
+from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util import elementary, generators
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 from epuck_sim.util.jit import bind
@@ -80,6 +82,15 @@ _ROBOTS: tuple[Root, ...] = (
 )
 
 
+def read_module(model: Model) -> bytes:
+    """Return the WebAssembly of a model, gzipped; raise EpuckSimError if it has not been made."""
+    path = FOLDER / f"{model}.wasm.gz"
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise EpuckSimError(f"{path}: is missing; {ANEW}") from error
+
+
 def roots(model: Model) -> Mapping[str, Root]:
     """Return the kernels of a model's module by their names in it."""
     of_model = _AGENTS if model == "particles" else _ROBOTS
@@ -124,13 +135,38 @@ def _careful(function: Any) -> Any:
     return SimpleNamespace(function=function, part=compile_part(function, error_model="python", boundscheck=True))
 
 
-def read_module(model: Model) -> bytes:
-    """Return the WebAssembly of a model, gzipped; raise EpuckSimError if it has not been made."""
-    path = FOLDER / f"{model}.wasm.gz"
-    try:
-        return path.read_bytes()
-    except FileNotFoundError as error:
-        raise EpuckSimError(f"{path}: is missing; {ANEW}") from error
+# --- of a scenario's own files --------------------------------------------------------------------------
+
+CURVE = "run_curve"
+
+
+def own_controllers(scenario: EmbodiedScenario) -> dict[int, str]:
+    """Return the kernels' names by the numbers of groups with controllers, or sensors, in files of their own."""
+    shipped = builtin_files(CONTROLLERS)
+    own = [number for number, each in enumerate(scenario.robots) if each.sensors or each.controller not in shipped]
+    return {number: f"run_group_{number}" for number in own}
+
+
+def own_sensors(scenario: EmbodiedScenario) -> dict[Sensor, str]:
+    """Return the kernels' names by the sensors in files of their own; groups may give one name to different files."""
+    found = dict.fromkeys(sensor for group in scenario.robots for sensor in _sensors_of(group))
+    return {sensor: f"sense_{number}" for number, sensor in enumerate(found)}
+
+
+def _sensors_of(group: RobotGroup) -> tuple[Sensor, ...]:
+    return tuple(find_sensor(each["file"]) for each in group.sensors.values())
+
+
+def own_roots(scenario: EmbodiedScenario | ParticleScenario) -> dict[str, Root]:
+    """Return the kernels that a page of a scenario needs beside those of its model."""
+    if isinstance(scenario, ParticleScenario):
+        return {} if scenario.response.curve in phase_response.CURVES else {CURVE: curve_root(scenario.response)}
+    groups = scenario.robots
+    found = {
+        root: controller_root(find_controller(groups[number].controller), _sensors_of(groups[number]))
+        for number, root in own_controllers(scenario).items()
+    }
+    return found | {root: sensor_root(sensor) for sensor, root in own_sensors(scenario).items()}
 
 
 # --- what a module is made from ------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from epuck_sim import __version__
 from epuck_sim.display.html import check_suffix
 from epuck_sim.display.table import leaves
 from epuck_sim.page.agents import agents_facts, agents_settings
-from epuck_sim.page.own import compile_own
+from epuck_sim.page.build import compile_own
 from epuck_sim.page.robots import robots_facts, robots_settings
 from epuck_sim.page.roots import Model, read_module
 from epuck_sim.page.settings import Setting, Value

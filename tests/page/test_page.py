@@ -15,8 +15,8 @@ import pytest
 import yaml
 
 from epuck_sim import ParticleSimulation, ScenarioError, Simulation, load_scenario, run_trial
-from epuck_sim.page import own
-from epuck_sim.page.roots import ANEW, is_fresh, meanings, read_module
+from epuck_sim.page import build, roots
+from epuck_sim.page.roots import ANEW, is_fresh, meanings, own_roots, read_module
 from epuck_sim.page.writer import make_page, page_data, write_page
 from epuck_sim.statistics.statistic import Measured, estimate_mean
 from epuck_sim.trial.model import simulate
@@ -122,21 +122,21 @@ def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(tmp_pa
         Path(f"{name}.py").write_text(SENSOR.format(name))
     groups = "robots=[{count: 4}, {count: 3, controller: mine.py, sensors: [near.py, far.py]}]"
     scenario = load_scenario("thesis", [groups])
-    roots = {name: kernel.function.__globals__ for name, (kernel, _) in own.own_roots(scenario).items()}
-    assert roots.keys() == {"run_group_1", "sense_0", "sense_1"}
-    assert [roots[f"sense_{number}"]["READINGS"].names for number in range(2)] == [("near",), ("far",)]
+    found = {name: kernel.function.__globals__ for name, (kernel, _) in own_roots(scenario).items()}
+    assert found.keys() == {"run_group_1", "sense_0", "sense_1"}
+    assert [found[f"sense_{number}"]["READINGS"].names for number in range(2)] == [("near",), ("far",)]
     swarm = page_data(scenario, "thesis")["facts"]["swarms"][4]
     called = list(swarm["functions"].values())
     assert called == ["run_firefly", "run_group_1", "sense_infrared", "look", "sense_0", "sense_1"]
     assert [streams["robot"] for streams in swarm["streams"]] == [4, 4]
     bent = load_scenario("particles", ["response.curve=curve.py"])
-    assert list(own.own_roots(bent)) == [own.CURVE]
-    assert own.CURVE in json.dumps(page_data(bent, "particles"))
+    assert list(own_roots(bent)) == [roots.CURVE]
+    assert roots.CURVE in json.dumps(page_data(bent, "particles"))
 
 
 def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.py").write_text(CURVE.format("coupling * phase"))
-    monkeypatch.setattr(own, "find_spec", lambda _: None)
+    monkeypatch.setattr(build, "find_spec", lambda _: None)
     with pytest.raises(ScenarioError, match=r'response curves in files .* pip install "epuck-sim\[page\]"'):
         write_page("particles", tmp_path / "x.html", [f"response.curve={tmp_path / 'mine.py'}"])
     assert not (tmp_path / "x.html").exists()
