@@ -84,9 +84,6 @@ def test_pictures_may_be_the_axis_of_a_sweep_and_are_known_by_their_names(ground
     assert named == [("ground.png", str(ground)), ("other.png", str(ground.with_name("other.png"))), (None, None)]
     file.write_text("sweep: {grid: {arena.floor: [{picture: ground.png}, {brightness: 0}]}}")
     assert points(file)[0].axes["arena.floor"] == {"picture": "ground.png"}
-    file.write_text("sweep: {grid: {arena.floor.picture: [absent.png, null]}}")
-    with pytest.raises(ScenarioError, match=r"sweep\.yaml: sweep: arena\.floor\.picture: is 'absent\.png'; there is"):
-        load_scenario(file)
 
 
 def test_floor_and_lamps_stay_where_a_schedule_moves_walls_and_each_entry_makes_the_arena_that_its_values_say(ground):
