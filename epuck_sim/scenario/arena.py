@@ -1,6 +1,7 @@
 """The section `arena` of a scenario: the walled rectangle, what stands in it, its floor and its lamps."""
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -8,11 +9,12 @@ import numpy as np
 from pydantic import Field
 
 from epuck_sim.arena import Arena, Floor, clearance_cm, make_arena, make_floor
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.geometry import box_corners, is_convex
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, refused_at
 from epuck_sim.util.messages import short_repr
-from epuck_sim.util.pictures import read_grey
+
+LONGEST_SIDE = 4000  # most rows, and most columns, of a picture of the floor
 
 Brightness = Annotated[Number, Field(ge=0, le=1)]  # brightness of the floor: 0 is black, 1 is white
 
@@ -198,3 +200,32 @@ def find_picture(name: str, folder: Path | None = None) -> str:
         except (OSError, ValueError) as error:
             raise ValueError(f"{path} {getattr(error, 'strerror', None) or error}") from error
     raise ValueError(f"is {short_repr(name)}; there is no file {' or '.join(map(str, paths))}")
+
+
+def read_grey(path: Path) -> ByteArray:
+    """Return (rows, columns) levels of a picture, from 0 for black to 255 for white.
+
+    The file is read again only when it has changed.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It holds no picture that OpenCV reads, or a larger one than allowed.
+    """
+    status = path.stat()
+    return _read(path, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, *_stamp: int) -> ByteArray:
+    import cv2  # noqa: PLC0415 is needed, and installed, where there are pictures
+
+    try:
+        picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
+    except cv2.error:
+        picture = None
+    if picture is None:
+        raise ValueError("is no picture that can be read; give a PNG, say")
+    rows, columns = picture.shape
+    if max(rows, columns) > LONGEST_SIDE:
+        raise ValueError(f"is a picture of {columns} x {rows} pixels; allowed: up to {LONGEST_SIDE} x {LONGEST_SIDE}")
+    return np.asarray(picture, np.uint8)

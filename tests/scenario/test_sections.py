@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from epuck_sim import ScenarioError, Simulation, epuck, points
 from epuck_sim.arena import brightness_at, light_at
+from epuck_sim.scenario.arena import LONGEST_SIDE
 from epuck_sim.scenario.embodied import arena_after, arena_entries, largest_cm
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from epuck_sim.scenario.scenario import Condition
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.util.pictures import LONGEST_SIDE
 from tests.measures.files import COUNTER, write
 
 DISC = {"shape": "circle", "x_cm": 20, "y_cm": 40, "radius_cm": 30, "brightness": 0}
