@@ -152,7 +152,8 @@ def check_draws(file: PythonFile, instead: str) -> None:
         tree, values = ast.parse(source), vars(file.modules[path])
         functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.Lambda))
         in_functions = {node for function in functions for node in ast.walk(function)}
-        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call)):
+        when_run = {node for part in tree.body if isinstance(part, ast.If) for node in ast.walk(part)}  # as a program
+        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call) and node not in when_run):
             called = _value_of(call.func, values)
             is_unseeded = not (call.args or call.keywords) and any(called is each for each in UNSEEDED)
             owner = call.func.value if isinstance(call.func, ast.Attribute) and call in in_functions else None

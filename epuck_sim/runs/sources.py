@@ -179,11 +179,13 @@ def read_sources(folder: Path) -> dict[str, bytes]:
 
 def with_trials(sources: Mapping[str, bytes], trials: int) -> dict[str, bytes]:
     """Return a run folder's files, with so many trials in the scenario if it has fewer."""
-    before = sources[RUN_SCENARIO]
-    keys = parse_yaml(before.decode(), RUN_SCENARIO)
-    after = write_yaml({**keys, "trials": max(trials, keys["trials"])}).encode() if keys["trials"] < trials else before
-    digests = sources.get(DIGESTS, b"").replace(_hex(before), _hex(after))
-    return {**sources, RUN_SCENARIO: after, **({DIGESTS: digests} if DIGESTS in sources else {})}
+    before = sources.get(RUN_SCENARIO, b"")
+    keys = parse_yaml(before.decode("utf-8", "replace"), RUN_SCENARIO)
+    if not isinstance(keys, dict) or keys.get("trials", trials) >= trials:
+        return dict(sources)
+    after = write_yaml({**keys, "trials": trials}).encode()
+    digests = {DIGESTS: sources[DIGESTS].replace(_hex(before), _hex(after))} if DIGESTS in sources else {}
+    return {**sources, RUN_SCENARIO: after, **digests}
 
 
 def _hex(data: bytes) -> bytes:
