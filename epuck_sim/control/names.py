@@ -126,8 +126,9 @@ def _mistakes(
     parts = [node for node in nodes if isinstance(node, ast.Attribute | ast.Subscript)]
     also_named = _names_of_parts(nodes, names)
     own = "readings" if "world" in fixed else "memory"
-    for line in (node for node in nodes if isinstance(node, ast.Global)):
-        yield line.lineno, f"{ast.unparse(line)}: it would go on from trial to trial; use {own}"
+    for node in nodes:
+        if isinstance(node, ast.Global):
+            yield node.lineno, f"{ast.unparse(node)}: it would go on from trial to trial; use {own}"
     for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
         is_set = not isinstance(node.ctx, ast.Load)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:
@@ -151,16 +152,30 @@ def check_draws(file: PythonFile, instead: str) -> None:
     for path, source in file.sources.items():
         tree, values = ast.parse(source), vars(file.modules[path])
         functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.Lambda))
-        in_functions = {node for function in functions for node in ast.walk(function)}
+        own = {node: _own_names(function) for function in functions for node in ast.walk(function)}  # the innermost's
         when_run = {node for part in tree.body if isinstance(part, ast.If) for node in ast.walk(part)}  # as a program
         for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call) and node not in when_run):
+            if _root(call.func) in own.get(call, ()):
+                continue
             called = _value_of(call.func, values)
-            is_unseeded = not (call.args or call.keywords) and any(called is each for each in UNSEEDED)
-            owner = call.func.value if isinstance(call.func, ast.Attribute) and call in in_functions else None
+            given = [*call.args, *(keyword.value for keyword in call.keywords)]
+            is_unseeded = all(map(_is_none, given)) and any(called is each for each in UNSEEDED)
+            owner = call.func.value if isinstance(call.func, ast.Attribute) and call in own else None
             drawn_by = getattr(called, "__self__", owner and _value_of(owner, values))
             if is_unseeded or isinstance(drawn_by, GENERATORS):
                 said = f"calls {ast.unparse(call.func)}, whose numbers follow from no seed of a trial; {instead}"
                 raise file.error(f"{path}:{call.lineno}: {said}")
+
+
+def _own_names(function: ast.FunctionDef | ast.Lambda) -> set[str]:
+    """Return the names that a function takes or assigns, which hide those of its file."""
+    nodes = [*ast.walk(function)]
+    assigned = {each.id for each in nodes if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)}
+    return assigned | {each.arg for each in nodes if isinstance(each, ast.arg)}
+
+
+def _is_none(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and node.value is None
 
 
 def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[str, str]:

@@ -102,10 +102,10 @@ def default_parameters(make: Callable[..., Any]) -> dict[str, Parameter]:
     parameters: dict[str, Parameter] = {}
     for parameter in others:
         default = parameter.default
-        if not isinstance(default, Parameter) or parameter.kind == parameter.POSITIONAL_ONLY:
-            raise ValueError(
-                f"has a parameter {parameter}; allowed: keywords whose default is a number, true or false, or text"
-            )
+        is_text_or_number = isinstance(default, Parameter) and parameter.kind != parameter.POSITIONAL_ONLY
+        if not is_text_or_number or parameter.name == "measure":  # by which run folders know the measure itself
+            allowed = "keywords whose default is a number, true or false, or text, and none called measure"
+            raise ValueError(f"has a parameter {parameter}; allowed: {allowed}")
         parameters[parameter.name] = typed(parameter.name, default, default)
     return parameters
 
@@ -127,6 +127,9 @@ SHIPPED = {name: module for module, names in _BY_MODULE.items() for name in name
 
 NAMED = {"UNIT": "", "OVER": "cycle"}
 """What a measure, or its file, may name of its value, and the defaults: see `Measure.unit` and `over`."""
+
+SERIES_COLUMNS = ("trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
+"""Columns of a table of series after what it is over: number of trials that reach a cycle, of those with a value..."""
 
 MEASURE = Kind(
     noun="measure",
@@ -198,6 +201,9 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
     for part, text in named.items():
         if not isinstance(text, str):
             raise file.refusal(part, f"{chosen} has {part} = {short_repr(text)}; allowed: text")
+    if not named["OVER"].isidentifier() or named["OVER"] in SERIES_COLUMNS:
+        allowed = f"one word, the noun for one of them, as cycle; none of {', '.join(SERIES_COLUMNS)}"
+        raise file.refusal("OVER", f"{chosen} has OVER = {short_repr(named['OVER'])}; allowed: {allowed}")
     stored = place.name if not member and place.package else f"{place.name}:{chosen}"
     name = place.name if stored == place.name else chosen
     return Measure(name, stored, make, parameters, file.sources, *named.values())

@@ -105,7 +105,7 @@ def _fit_flash(robots: Robots, track: Track, period_s: float, step_s: float) -> 
     # a robot in step with the camera has all its flashes cut in the same way
     error_s = 2 * float(usual.std(ddof=1)) / math.sqrt(len(robots.numbers))
     shortest_s = mean_s - step_s - error_s - LIT_SHARE / track.fps
-    found = Estimate(mean_s - step_s / 2, max(shortest_s, 0.0), mean_s + error_s)
+    found = Estimate(max(mean_s - step_s / 2, 0.0), max(shortest_s, 0.0), mean_s + error_s)
     return found.apply(lambda lit_s: lit_s / period_s)
 
 

@@ -76,7 +76,7 @@ UNMEASURED = """
     EXISTS (SELECT 1 FROM json_each((SELECT measures FROM points WHERE key = point)) AS one
             WHERE NOT EXISTS (SELECT 1 FROM json_each(measured) AS value WHERE value.key = one.key))
 """
-"""Condition on a trial: it lacks the value of a measure of its point; paths of JSON have no names beyond ASCII."""
+"""Condition on a trial: it lacks the value of a measure of its point."""
 
 NULL = -1  # number that stands for NULL in a column of numbers that are never negative
 

@@ -5,6 +5,7 @@ What somebody else's folder brings is not run unasked: a user trusts code by its
 
 import hashlib
 import os
+import re
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -34,6 +35,7 @@ DIGESTS = "SHA256SUMS"
 NO_FILES = ("name", "description", "figure")  # keys of a scenario that name no files, whatever they say
 CODE = (".py", ".c", ".h", ".so")  # endings of files that are run, or compiled and run
 
+_PARAMETER = re.compile(r"measures\.\d+\.")  # an axis, of what a parameter of a measure is
 _trusted: set[str] = set()  # digests of the code that was trusted in this process
 
 
@@ -154,7 +156,8 @@ def _with_paths(keys: Mapping[str, Any], change: Callable[[Path], Path]) -> dict
 def _map_paths(value: Any, change: Callable[[Path], Path]) -> Any:
     """Return a value in which the path of each file has been changed; FILE.py:NAME is one, too."""
     if isinstance(value, dict):
-        return {_map_paths(key, change): _map_paths(each, change) for key, each in value.items()}
+        pairs = {key: each if _PARAMETER.match(key) else _map_paths(each, change) for key, each in value.items()}
+        return {_map_paths(key, change): each for key, each in pairs.items()}
     if isinstance(value, list):
         return [_map_paths(each, change) for each in value]
     if not isinstance(value, str) or not Path(value).is_absolute():

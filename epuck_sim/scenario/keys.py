@@ -95,6 +95,7 @@ def _parameter_of_measure(given: Mapping[str, Any], key: str) -> list[str]:
     if found is None or not isinstance(listed, list | tuple) or int(found[1]) >= len(listed):
         return []
     measure = listed[int(found[1])]
+    measure = {measure: {}} if isinstance(measure, str) else measure
     for name, parameters in measure.items() if isinstance(measure, Mapping) and len(measure) == 1 else ():
         if found[2] in (name, name.rpartition(":")[2], Path(name).stem, (parameters or {}).get("as")):
             return ["measures", found[1], name, found[3]]
@@ -120,6 +121,8 @@ def _with(container: Any, parts: list[str], value: Any, origin: str, path: str =
         container = as_section(container)
     elif path == "noise":
         container = noise_keys(container)
+    elif re.fullmatch(r"measures\.\d+", path) and isinstance(container, str):
+        container = {container: {}}
     below = f"{path}.{first}".removeprefix(".")
     if isinstance(container, list | tuple):
         if first not in map(str, range(len(container))):

@@ -5,14 +5,15 @@ That is when a trial ends, and what is measured in it.
 
 import operator
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
 
 from pydantic import Field, ValidationError, model_serializer, model_validator
 
-from epuck_sim.errors import ScenarioError
+from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.measures.measure import CYCLE_METHOD, Measure, find_measure
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, keys_of, problems_in, refused_at
@@ -141,6 +142,14 @@ class MeasureSection(ConfigModel):
         return measure if self.shown_as is None else replace(measure, name=self.shown_as)
 
 
+def _parameters_of_measures(measures: Any, folder: Path | None) -> Iterator[str]:
+    """Yield the dotted keys of parameters of measures, as a scenario lists these; what is refused later has none."""
+    for number, each in enumerate(measures if isinstance(measures, list | tuple) else ()):
+        with suppress(EpuckSimError, ValueError):
+            measure = MeasureSection.model_validate(each).find(folder)
+            yield from (f"measures.{number}.{measure.name}.{parameter}" for parameter in measure.parameters)
+
+
 def check_condition(name: str, measures: Mapping[str, Measure], event_method: str, origin: str) -> None:
     """Raise ScenarioError unless a measure that a condition is on can be looked at while a trial runs.
 
@@ -193,11 +202,12 @@ class Scenario(ConfigModel):
     def all_keys(cls, given: Mapping[str, Any], folder: Path | None = None) -> list[str]:
         """Return every dotted key that may be typed of a scenario, those first on which trials depend.
 
-        Keys of sections are among them; those of `sweep` and `measures` are others', or names of measures.
+        Keys of sections are among them, those of `sweep` are not; of measures it is their parameters.
         """
         sections = {key: key.partition(".")[0] for key in keys_of(cls, given, folder)}
-        typed = (key for key, section in sections.items() if section not in ("sweep", "measures"))
-        return sorted(typed, key=lambda key: sections[key] in WITHOUT_EFFECT)
+        typed = [key for key, section in sections.items() if section not in ("sweep", "measures")]
+        typed.sort(key=lambda key: sections[key] in WITHOUT_EFFECT)
+        return [*typed, *_parameters_of_measures(given.get("measures"), folder)]
 
     @classmethod
     def validated(cls, given: Mapping[str, Any], origin: str) -> Self:

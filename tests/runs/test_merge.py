@@ -266,6 +266,18 @@ def test_a_folder_that_was_sent_to_somebody_goes_on_there(made: Path, tmp_path: 
     assert all(each.is_whole for each in verify(there))
 
 
+def test_a_path_that_a_measure_opens_stays_where_it_is_also_on_an_axis(tmp_path: Path) -> None:
+    (tmp_path / "coverage.py").write_text("def coverage(simulation, *, plan=''):\n    return 1.0\n")
+    (tmp_path / "plan.txt").touch()
+    axis = {"measures.0.coverage.plan": [str(tmp_path / "plan.txt"), "none"]}
+    fill(
+        tmp_path / "run",
+        scenario_of({"grid": axis}, measures=[str(tmp_path / "coverage.py:coverage")]),
+        t_sync_cycles=9,
+    )
+    assert yaml.safe_load((tmp_path / "run" / "scenario.yaml").read_text())["sweep"]["grid"] == axis
+
+
 def test_files_of_the_same_name_that_come_later_lie_beside_the_first(made: Path, tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "coverage.py").write_text(MEASURE.replace("coverage", "other"))

@@ -71,6 +71,8 @@ def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_
         ({"model": "particles"}, "k", 2, lambda s: s.neighbourhood.k),
         ({"measures": listed}, "measures.0.mine.offset", 3, lambda s: s.measures[0].parameters["offset"]),
         ({"measures": listed}, "measures.1.seen.cells", 2, lambda s: s.measures[1].parameters["cells"]),
+        ({"measures": listed}, "offset", 3, lambda s: s.measures[0].parameters["offset"]),
+        ({"measures": ["coverage"]}, "coverage.cells", 2, lambda s: s.measures[0].parameters["cells"]),
     ]:
         assert read(load_scenario(sections, [f"{key}={value}"])) == value
         assert read(points(load_scenario(sections, axes=[f"{key}={value}"]))[0].scenario) == value

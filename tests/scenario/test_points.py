@@ -58,11 +58,17 @@ def test_every_ending_of_a_key_stands_for_it_or_is_refused_with_it_among_the_can
     assert key in found or is_second or ending in keys
 
 
-def test_keys_of_sweeps_and_measures_are_not_typed_and_a_longer_name_goes_on_after_an_underscore() -> None:
+def test_keys_of_sweeps_are_not_typed_but_parameters_of_measures_are_and_a_longer_name_goes_on_after_an_underscore() -> (
+    None
+):
     scenario = load_scenario({"measures": [{"near_walls": {"within_cm": 3}}]}, axes=["robots.0.count=2,3"])
     sections = {key.partition(".")[0] for key in scenario.all_keys(scenario.model_dump(mode="json"))}
     assert "robots" in sections
-    assert not {"sweep", "measures"} & sections
+    assert "sweep" not in sections
+    assert [key for key in scenario.all_keys({"measures": ["degree", 5]}) if key.startswith("measures")] == [
+        "measures.0.degree.direction",
+        "measures.0.degree.statistic",
+    ]
     assert "did you mean side_cm (space.side_cm)?" in guess("side", [], ["space.sides", "space.side_cm"])
 
 

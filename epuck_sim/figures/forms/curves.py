@@ -18,6 +18,7 @@ from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form, draw_trials, joined, names_of
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
 from epuck_sim.figures.saving import tabulate, tabulate_rows
+from epuck_sim.measures.measure import SERIES_COLUMNS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics import Statistic
@@ -237,9 +238,6 @@ def _draw_curve(
         speed, time = places[v].estimate.value, places[t].estimate.value
         panel.plot(speed, time, marker, color=look.colour, zorder=4, **EXTREMUM)
 
-
-SERIES_COLUMNS = ("trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
-"""Columns after the axes in the table: number of trials that reach the cycle, and of those with a value there."""
 
 MAX_LINES = 20  # largest number of lines; more of them are hard to distinguish
 
