@@ -199,7 +199,7 @@ _RANGES = (
     f"FROM:TO:NUMBER, as in 0.05:12.8:20: FROM below TO, 2 to {MAX_POINTS} values; and :lin, or :log with FROM above 0"
 )
 
-NO_AXES = ("sweep", "seed", "trials", "name", "description", "figure", "overhead")
+NO_AXES = ("sweep", "seed", "trials", "trial_timeout_s", "name", "description", "figure", "overhead")
 """Keys of a scenario that cannot be an axis."""
 
 

@@ -192,6 +192,9 @@ class EmbodiedScenario(Scenario):
                         f"{where}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
                         "give robots, the numbers of others, or robots.*.signal.loss"
                     )
+                is_named = fault.robots is not None and concerns(fault.robots, robots)
+                if isinstance(fault, SensorDead) and is_named and fault.sensor not in group.sensors:
+                    raise ValueError(f"{where}: names robots of robots.{place}, which has no sensor {fault.sensor}")
 
     def _check_schedule(self) -> None:
         check_numbers("schedule", self.schedule, self.robot_count)

@@ -217,7 +217,7 @@ def test_a_loaded_scenario_is_completed_without_a_look_into_folders_and_a_change
 
 
 def test_a_simulation_needs_its_model_and_one_point_of_a_sweep() -> None:
-    swept = {"sweep": {"grid": {"trial_timeout_s": [1, 2]}}}
+    swept = {"sweep": {"grid": {"stop.max_cycles": [1, 2]}}}
     for kind, model, other in ((ParticleSimulation, "particles", {}), (Simulation, "embodied", {"model": "particles"})):
         with pytest.raises(ScenarioError, match=r"is a sweep; simulate one of its points"):
             kind({"model": model, **swept})
