@@ -7,7 +7,7 @@ sensors in files of their own. What a controller reads of its sensors depends on
 import ast
 import random
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from functools import lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -150,28 +150,31 @@ def check_draws(file: PythonFile, instead: str) -> None:
     A generator with a seed may draw when the file is loaded, and in no function: it would go on from trial to trial.
     """
     for path, source in file.sources.items():
-        tree, values = ast.parse(source), vars(file.modules[path])
-        functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.Lambda))
-        own = {node: _own_names(function) for function in functions for node in ast.walk(function)}  # the innermost's
-        when_run = {node for part in tree.body if isinstance(part, ast.If) for node in ast.walk(part)}  # as a program
-        for call in (node for node in ast.walk(tree) if isinstance(node, ast.Call) and node not in when_run):
-            if _root(call.func) in own.get(call, ()):
+        values = vars(file.modules[path])
+        run = (part for part in ast.parse(source).body if not isinstance(part, ast.If))  # as a module, not a program
+        for call, hidden in (found for part in run for found in _calls(part)):
+            if _root(call.func) in (hidden or ()):
                 continue
             called = _value_of(call.func, values)
             given = [*call.args, *(keyword.value for keyword in call.keywords)]
             is_unseeded = all(map(_is_none, given)) and any(called is each for each in UNSEEDED)
-            owner = call.func.value if isinstance(call.func, ast.Attribute) and call in own else None
+            owner = call.func.value if isinstance(call.func, ast.Attribute) and hidden is not None else None
             drawn_by = getattr(called, "__self__", owner and _value_of(owner, values))
             if is_unseeded or isinstance(drawn_by, GENERATORS):
                 said = f"calls {ast.unparse(call.func)}, whose numbers follow from no seed of a trial; {instead}"
                 raise file.error(f"{path}:{call.lineno}: {said}")
 
 
-def _own_names(function: ast.FunctionDef | ast.Lambda) -> set[str]:
-    """Return the names that a function takes or assigns, which hide those of its file."""
-    nodes = [*ast.walk(function)]
-    assigned = {each.id for each in nodes if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)}
-    return assigned | {each.arg for each in nodes if isinstance(each, ast.arg)}
+def _calls(node: ast.AST, hidden: Set[str] | None = None) -> Iterator[tuple[ast.Call, Set[str] | None]]:
+    """Yield calls, and the names that their functions take or assign, which hide the file's; None in no function."""
+    if isinstance(node, ast.FunctionDef | ast.Lambda):
+        own = [*ast.walk(node)]
+        assigned = {each.id for each in own if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)}
+        hidden = assigned.union(hidden or (), (each.arg for each in own if isinstance(each, ast.arg)))
+    if isinstance(node, ast.Call):
+        yield node, hidden
+    for child in ast.iter_child_nodes(node):
+        yield from _calls(child, hidden)
 
 
 def _is_none(node: ast.expr) -> bool:

@@ -58,7 +58,7 @@ def test_every_ending_of_a_key_stands_for_it_or_is_refused_with_it_among_the_can
     assert key in found or is_second or ending in keys
 
 
-def test_keys_of_sweeps_are_not_typed_but_parameters_of_measures_are_and_a_longer_name_goes_on_after_an_underscore() -> (
+def test_keys_of_sweeps_are_not_typed_parameters_of_measures_are_and_a_longer_name_goes_on_after_an_underscore() -> (
     None
 ):
     scenario = load_scenario({"measures": [{"near_walls": {"within_cm": 3}}]}, axes=["robots.0.count=2,3"])
