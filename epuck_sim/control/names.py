@@ -5,7 +5,7 @@ sensors in files of their own. What a controller reads of its sensors depends on
 """
 
 import ast
-import random
+import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from functools import lru_cache
@@ -30,11 +30,8 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"), Controller: ("parameters",)}
 """What is not set: a sensor would change outcomes, and a controller what all robots of its group have."""
 
-GENERATORS = (random.Random, np.random.RandomState, np.random.Generator)
-"""Classes whose methods draw numbers that are no robot's own."""
-
-UNSEEDED = (random.Random, np.random.RandomState, np.random.default_rng)
-"""What makes generators that nobody can make again, unless a seed is given."""
+GENERATORS = re.compile(r"random|numpy\.random(\..*)?")
+"""Modules of classes whose methods draw numbers that are no robot's own, and that nobody can make again unseeded."""
 
 SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
 """What a sensor sees of a robot's record."""
@@ -70,7 +67,7 @@ def _check_names(
     Those of `several` numbers, by role and name, are not set as a whole: numba copies whatever lies there. Nothing of
     what has a role in `fixed` is set, also under another name.
     """
-    definitions = _definitions(user.sources)
+    definitions = _definitions(user)
     todo: list[tuple[object, tuple[str | None, ...]]] = [
         (getattr(user, name), arguments) for name, arguments in ARGUMENTS.items() if hasattr(user, name)
     ]
@@ -93,10 +90,14 @@ def _check_names(
                     todo.append((_value_of(node.func, function.__globals__), given))
 
 
-def _definitions(sources: Mapping[Path, bytes]) -> dict[tuple[str, str, int], ast.FunctionDef]:
-    """Return the functions of Python files, as trees, by file, name and first line, as a function's code has them."""
+@lru_cache(maxsize=8)
+def _definitions(user: Described) -> dict[tuple[str, str, int], ast.FunctionDef]:
+    """Return the functions of its Python files, as trees, by file, name and first line, as a function's code has them.
+
+    What it senses is checked after its own names, and for each set of sensors.
+    """
     found = {}
-    for path, source in sources.items():
+    for path, source in user.sources.items():
         for node in ast.walk(ast.parse(source)) if path.suffix == ".py" else ():
             if isinstance(node, ast.FunctionDef):
                 line = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
@@ -157,10 +158,10 @@ def check_draws(file: PythonFile, instead: str) -> None:
                 continue
             called = _value_of(call.func, values)
             given = [*call.args, *(keyword.value for keyword in call.keywords)]
-            is_unseeded = all(map(_is_none, given)) and any(called is each for each in UNSEEDED)
+            is_unseeded = all(map(_is_none, given)) and _is_of_generators(called)
             owner = call.func.value if isinstance(call.func, ast.Attribute) and hidden is not None else None
             drawn_by = getattr(called, "__self__", owner and _value_of(owner, values))
-            if is_unseeded or isinstance(drawn_by, GENERATORS):
+            if is_unseeded or _is_of_generators(type(drawn_by)):
                 said = f"calls {ast.unparse(call.func)}, whose numbers follow from no seed of a trial; {instead}"
                 raise file.error(f"{path}:{call.lineno}: {said}")
 
@@ -175,6 +176,10 @@ def _calls(node: ast.AST, hidden: Set[str] | None = None) -> Iterator[tuple[ast.
         yield node, hidden
     for child in ast.iter_child_nodes(node):
         yield from _calls(child, hidden)
+
+
+def _is_of_generators(made_by: object) -> bool:
+    return GENERATORS.fullmatch(getattr(made_by, "__module__", None) or "") is not None
 
 
 def _is_none(node: ast.expr) -> bool:

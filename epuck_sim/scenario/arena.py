@@ -136,7 +136,7 @@ class ArenaSection(ConfigModel):
     obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
     movables: tuple[Movable, ...] = ()
     """What robots can push: as high as they are, so that it hides rings and is seen by infrared sensors."""
-    floor: FloorSection = FloorSection()
+    floor: FloorSection = FloorSection.model_construct()
     """What ground sensors see."""
     lamps: tuple[Lamp, ...] = ()
     """What light sensors see."""

@@ -36,7 +36,10 @@ def check_range(key: str, value: float | None, least: float, most: float, why: s
 
 
 class ConfigModel(BaseModel):
-    """A section of a scenario: it has no unknown keys and no NaN, and cannot be changed."""
+    """A section of a scenario: it has no unknown keys and no NaN, and cannot be changed.
+
+    Defaults that are sections are made by `model_construct`, which needs no validator of each beside the scenario's.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 

@@ -144,18 +144,18 @@ class EmbodiedScenario(Scenario):
     event_method: ClassVar[str] = "step"
 
     model: Literal["embodied"] = "embodied"
-    arena: ArenaSection = ArenaSection()
-    robot: RobotKind = RobotKind()
-    robots: tuple[RobotGroup, ...] = (RobotGroup(),)
-    noise: NoiseSection = NoiseSection()
-    spread: SpreadSection = SpreadSection()
-    stuck: StuckSection = StuckSection()
+    arena: ArenaSection = ArenaSection.model_construct()
+    robot: RobotKind = RobotKind.model_construct()
+    robots: tuple[RobotGroup, ...] = (RobotGroup.model_construct(),)
+    noise: NoiseSection = NoiseSection.model_construct()
+    spread: SpreadSection = SpreadSection.model_construct()
+    stuck: StuckSection = StuckSection.model_construct()
     faults: tuple[AnyFault, ...] = ()
     schedule: tuple[RobotScheduleEntry, ...] = ()
-    contact: ContactSection = ContactSection()
-    timing: TimingSection = TimingSection()
-    stop: EmbodiedStop = EmbodiedStop()
-    overhead: OverheadSection = OverheadSection()
+    contact: ContactSection = ContactSection.model_construct()
+    timing: TimingSection = TimingSection.model_construct()
+    stop: EmbodiedStop = EmbodiedStop.model_construct()
+    overhead: OverheadSection = OverheadSection.model_construct()
 
     def _check_together(self) -> None:
         if not self.robots:

@@ -205,7 +205,7 @@ class AgentsSection(ConfigModel):
     """Speed of the fast agents of `two_speeds` relative to that of the slow ones."""
     speed_per_run: bool = False
     """Whether an agent draws a new speed at the end of each run of its walk, instead of keeping its first one."""
-    walk: WalkSection = WalkSection()
+    walk: WalkSection = WalkSection.model_construct()
     reorient_on: tuple[Literal["emitting", "receiving", "arriving"], ...] = ()
     """Pulses at which an agent turns to a random direction (D.1): those that it emits, those that shift its phase, or
     all that arrive."""
@@ -366,14 +366,14 @@ class ParticleScenario(Scenario):
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
     model: Literal["particles"]
-    space: SpaceSection = SpaceSection()
-    agents: AgentsSection = AgentsSection()
+    space: SpaceSection = SpaceSection.model_construct()
+    agents: AgentsSection = AgentsSection.model_construct()
     neighbourhood: Annotated[Neighbourhood, Field(discriminator="kind")] = Nearest(kind="nearest")
-    response: ResponseSection = ResponseSection()
-    clocks: ClocksSection = ClocksSection()
-    start: StartSection = StartSection()
+    response: ResponseSection = ResponseSection.model_construct()
+    clocks: ClocksSection = ClocksSection.model_construct()
+    start: StartSection = StartSection.model_construct()
     schedule: tuple[AgentScheduleEntry, ...] = ()
-    stop: ParticleStop = ParticleStop()
+    stop: ParticleStop = ParticleStop.model_construct()
 
     def _check_together(self) -> None:
         others = self.agents.count - 1

@@ -272,8 +272,8 @@ class RobotKind(ConfigModel):
     """Radius of the ring of LEDs; films alone depend on it."""
     ring_height_cm: Positive = epuck.RING_HEIGHT_CM
     """Height of the ring above the floor; films alone depend on it."""
-    infrared: ProximitySection | None = ProximitySection()
-    camera: CameraMount | None = CameraMount()
+    infrared: ProximitySection | None = ProximitySection.model_construct()
+    camera: CameraMount | None = CameraMount.model_construct()
 
     @model_validator(mode="before")
     @classmethod
@@ -322,4 +322,4 @@ def cell_cm(kinds: Sequence[RobotKind]) -> float:
     return max(3 * largest_cm, *(kind.ray_reach_cm for kind in kinds)) + largest_cm
 
 
-EPUCK = RobotKind()  # the e-puck
+EPUCK = RobotKind.model_construct()  # the e-puck

@@ -153,9 +153,9 @@ class RobotGroup(ConfigModel):
     memory: dict[str, Any] = Field(default_factory=dict)
     """What robots remember at the start, by name, instead of what the controller starts with: a number, or one entry
     for each robot; `phase_ms` is an oscillator's phase."""
-    signal: SignalSection = CameraSignal()
-    camera: CameraSection = CameraSection()
-    infrared: InfraredSection = InfraredSection()
+    signal: SignalSection = CameraSignal.model_construct()
+    camera: CameraSection = CameraSection.model_construct()
+    infrared: InfraredSection = InfraredSection.model_construct()
     sensors: Annotated[dict[str, dict[str, Any]], BeforeValidator(by_name)] = Field(default_factory=dict)
     """Sensors in files of their own, each with its parameters: `[ground.py, {light.py: {range_cm: 30}}]`."""
 

@@ -196,7 +196,7 @@ class Scenario(ConfigModel):
     measures: tuple[MeasureSection, ...] = ()
     """What is measured in each trial, besides T_sync."""
     sweep: SweepAxes | None = None
-    figure: FigureSection = FigureSection()
+    figure: FigureSection = FigureSection.model_construct()
 
     @classmethod
     def all_keys(cls, given: Mapping[str, Any], folder: Path | None = None) -> list[str]:

@@ -3,7 +3,6 @@
 import errno
 import glob
 import os
-import secrets
 import shutil
 import time
 from collections.abc import Iterator
@@ -53,7 +52,7 @@ def temporary_path(path: Path) -> Iterator[Path]:
         for left in path.parent.glob(f"{glob.escape(path.name)}.*.part"):
             if is_leftover(left.name, path.name) and time.time() - left.lstat().st_mtime > LEFT_S:
                 _remove(left)
-    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+    part = path.with_name(f"{path.name}.{os.urandom(4).hex()}.part")
     _unfinished.add(part)
     try:
         yield part

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from epuck_sim import ScenarioError, Simulation, epuck, points
 from epuck_sim.arena import brightness_at, light_at
 from epuck_sim.scenario.arena import LONGEST_SIDE
+from epuck_sim.scenario.base import ConfigModel
 from epuck_sim.scenario.embodied import arena_after, arena_entries, largest_cm
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
@@ -37,6 +38,16 @@ def ground(tmp_path):
     cv2.imwrite(str(tmp_path / "ground.png"), np.array([[0, 255]], np.uint8))
     (tmp_path / "on_it.yaml").write_text("arena: {floor: {picture: ground.png}}")
     return tmp_path / "ground.png"
+
+
+def test_defaults_that_are_sections_which_nothing_validates_would_be_accepted():
+    todo = [load_scenario("thesis"), load_scenario("particles"), *map(load_scenario, ({}, {"model": "particles"}))]
+    while todo:
+        for value in dict(section := todo.pop()).values():
+            todo.extend(
+                each for each in (value if isinstance(value, tuple) else [value]) if isinstance(each, ConfigModel)
+            )
+        assert type(section).model_validate(section.model_dump()) == section
 
 
 def test_floors_and_lamps_are_built_as_given():
