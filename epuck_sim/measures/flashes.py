@@ -42,37 +42,44 @@ class _FlashViews(Shipped):
 
     MODELS = ("embodied",)
     check_scenario = staticmethod(check_sight)
-    _is_lit = False  # any ring, now or in the step before
-    _pairs, _seen, _repeated = 0, 0, 0
 
     def __post_init__(self) -> None:
         robots = len(self.simulation.period_ms)
         self._views: IntArray = np.zeros((robots, robots), np.int64)  # of the flash of each robot, by each robot
-        self._ring_on: BoolArray = np.zeros(robots, np.bool_)  # in the step before, which is what is seen
-        self._was_seen: BoolArray = np.zeros(robots, np.bool_)
+        self._seen: BoolArray = np.zeros((2, robots), np.bool_)  # rings that show in a step, and in the step before
+        self._counts: IntArray = np.zeros(3, np.int64)  # pairs of a flash and another robot; with views, with several
 
     def stretch(self, stretch: Any, _: Any) -> None:
         sightings = stretch.sightings
         ends = rows_of_steps(sightings, stretch)
-        for step, is_any_lit in enumerate(stretch.ring_on.any(axis=1).tolist()):
-            if is_any_lit or self._is_lit:  # else there is nothing to see, nor to close
-                self._look(sightings[ends[step] : ends[step + 1], 1:], stretch.ring_on[step])
-                self._is_lit = bool(self._ring_on.any() or self._was_seen.any())
+        count_views(self._views, self._seen, self._counts, sightings, ends, stretch.ring_on)
 
-    def _look(self, sightings: IntArray, ring_on: BoolArray) -> None:
-        """Count what is seen in a step, and close the flashes whose rings can be seen no more."""
-        over = np.flatnonzero(self._was_seen & ~self._ring_on)
-        if len(over):
-            views = self._views[over]
-            self._pairs += views.size - len(over)  # no robot sees itself
-            self._seen += int(np.count_nonzero(views))
-            self._repeated += int(np.count_nonzero(views > 1))
-            self._views[over] = 0
-        if self._ring_on.any():
-            looks, lit = sightings.T
-            self._views[lit, looks] += 1
-        self._was_seen = self._ring_on
-        self._ring_on = ring_on.copy()
+
+@jit
+def count_views(
+    views: IntArray, seen: BoolArray, counts: IntArray, sightings: IntArray, ends: IntArray, ring_on: BoolArray
+) -> None:
+    """Count the views of flashes in the steps of a `Stretch`; a flash whose ring can be seen no more is over.
+
+    Changes the (robots, robots) views of the flash of each robot by each other one, the (2, robots) rings that can be
+    seen in a step, and that could be in the step before, and the (3,) counts of flashes that are over, for each other
+    robot, of those that it had in view, and in several steps. A ring is seen as it is in the step before, `ring_on`
+    (steps, robots); sightings of each step begin at (steps + 1,) rows.
+    """
+    shows, showed = seen
+    for step in range(len(ring_on)):
+        for robot in range(len(shows)):
+            if not showed[robot] or shows[robot]:
+                continue
+            counts[0] += len(shows) - 1  # no robot sees itself
+            for other in range(len(shows)):
+                counts[1] += views[robot, other] > 0
+                counts[2] += views[robot, other] > 1
+                views[robot, other] = 0
+        for row in range(ends[step], ends[step + 1]):
+            views[sightings[row, 2], sightings[row, 1]] += 1
+        showed[:] = shows
+        shows[:] = ring_on[step]
 
 
 class FlashesMissed(_FlashViews):
@@ -80,7 +87,8 @@ class FlashesMissed(_FlashViews):
 
     def value(self) -> float | None:
         """Return the share; None without a flash that is over."""
-        return 1 - self._seen / self._pairs if self._pairs else None
+        pairs, in_view, _ = self._counts.tolist()
+        return 1 - in_view / pairs if pairs else None
 
 
 class FlashesRepeated(_FlashViews):
@@ -88,7 +96,8 @@ class FlashesRepeated(_FlashViews):
 
     def value(self) -> float | None:
         """Return the share; None if no robot had a flash in view."""
-        return share(self._repeated, self._seen)
+        _, in_view, repeated = self._counts.tolist()
+        return share(repeated, in_view)
 
 
 @dataclass
