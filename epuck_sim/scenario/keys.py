@@ -65,8 +65,10 @@ def _parted(given: str, option: str, form: str) -> tuple[str, str]:
     return key, text
 
 
-def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
-    """Return the mapping `given` with `value` at a dotted key."""
+def set_value(
+    given: Mapping[str, Any], key: str, value: Any, origin: str, folder: Path | None = None
+) -> dict[str, Any]:
+    """Return the mapping `given`, of a file in a folder, with `value` at a dotted key."""
     if re.fullmatch(r"robot\.kind|robots\.\d+\.kind\.kind", key):
         raise ScenarioError(
             f"{origin}: another kind of robot has other values in all keys; give {key.removesuffix('.kind')}={value} "
@@ -78,7 +80,7 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
             groups = [{**group, "sensors": value} for group in groups]
         return {**given, "robots": groups, "sensors": None}
     given = without_brought_sensors(given, key)
-    parts = _parameter_of_measure(given, key) or key.split(".")
+    parts = _parameter_of_measure(given, key, folder) or key.split(".")
     if len(parts) > MAX_PARTS:
         raise ScenarioError(f"{origin[:60]}...: a key of {len(parts)} parts; allowed: at most {MAX_PARTS}")
     # a scenario has one group of robots by default, and agents reach their nearest neighbour
@@ -88,7 +90,7 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
     return result
 
 
-def _parameter_of_measure(given: Mapping[str, Any], key: str) -> list[str]:
+def _parameter_of_measure(given: Mapping[str, Any], key: str, folder: Path | None) -> list[str]:
     """Return the parts of a key such as measures.0.mine.gap, whose measure is listed with a path; none for others."""
     found = re.fullmatch(r"measures\.(\d+)\.(.+)\.(\w+)", key)
     listed = given.get("measures")
@@ -97,7 +99,8 @@ def _parameter_of_measure(given: Mapping[str, Any], key: str) -> list[str]:
     measure = listed[int(found[1])]
     measure = {measure: {}} if isinstance(measure, str) else measure
     for name, parameters in measure.items() if isinstance(measure, Mapping) and len(measure) == 1 else ():
-        if found[2] in (name, name.rpartition(":")[2], Path(name).stem, (parameters or {}).get("as")):
+        names = name, name.rpartition(":")[2], Path(name).stem, (parameters or {}).get("as")
+        if found[2] in names or (found[2],) == _contents(name, folder)[:1]:
             return ["measures", found[1], name, found[3]]
     return []
 
@@ -190,7 +193,7 @@ def add_measures(
     return {**given, "measures": [*own, *(each for each in added if not any(_includes(old, each) for old in there))]}
 
 
-def _contents(measure: Any, folder: Path | None) -> object:
+def _contents(measure: Any, folder: Path | None) -> Any:
     """Return what tells whether two measures are the same, wherever they lie."""
     with suppress(MeasureError):
         found = find_measure(str(measure), folder)

@@ -152,7 +152,7 @@ def load_scenario(
         for key in _full_keys(given, typed, option, origin, folder, parsed):
             if re.match(r"robots\.\d+\.sensors\.", key):  # which leads into a sensor that may be given in a list
                 given = with_robots(given, origin, folder)
-            given = keys.set_value(given, key, value, option)
+            given = keys.set_value(given, key, value, option, folder)
             changed.append(f"{key}={setting.partition('=')[2]}")
     swept: list[str] = []
     for axis, (typed, values) in zip(axes, parsed, strict=True):

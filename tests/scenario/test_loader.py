@@ -61,7 +61,8 @@ def test_set_changes_one_value_later_settings_win_and_the_original_stays() -> No
 
 
 def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_path) -> None:
-    (tmp_path / "mine.py").write_text("def mine(simulation, offset=0.0):\n    return offset\n")
+    for name in ("mine", "other"):
+        (tmp_path / f"{name}.py").write_text("def mine(simulation, offset=0.0):\n    return offset\n")
     listed = [{f"{tmp_path}/mine.py": {"offset": 1.0}}, {"coverage": {"as": "seen", "cells": 4}}]
     kilobots, of_group = ({"robots": [{"signal": {"kind": "radio"}, **kind}]} for kind in ({}, {"kind": "kilobot"}))
     for sections, key, value, read in [
@@ -72,6 +73,7 @@ def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_
         ({"measures": listed}, "measures.0.mine.offset", 3, lambda s: s.measures[0].parameters["offset"]),
         ({"measures": listed}, "measures.1.seen.cells", 2, lambda s: s.measures[1].parameters["cells"]),
         ({"measures": listed}, "offset", 3, lambda s: s.measures[0].parameters["offset"]),
+        ({"measures": [f"{tmp_path}/other.py"]}, "mine.offset", 3, lambda s: s.measures[0].parameters["offset"]),
         ({"measures": ["coverage"]}, "coverage.cells", 2, lambda s: s.measures[0].parameters["cells"]),
     ]:
         assert read(load_scenario(sections, [f"{key}={value}"])) == value
