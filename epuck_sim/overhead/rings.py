@@ -6,6 +6,7 @@ overlap the rings found before: robots may touch, but not overlap.
 """
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import cv2
@@ -101,17 +102,23 @@ def median(levels: npt.NDArray[np.uint8]) -> float:
     return (float(ordered[below]) + float(ordered[above])) / 2
 
 
+@lru_cache(maxsize=1)
+def _planes(shape: tuple[int, int]) -> list[Light]:
+    """Return room for the colours of a picture, until the next one: to make it anew takes longer than to fill it."""
+    return [np.empty(shape, np.uint8) for _ in range(3)]
+
+
 def ring_light(picture: Picture) -> tuple[Light, bool]:
     """Return the light of rings in a picture, and whether the room is lit.
 
     It is the mean of the colours: a ring that burns out in one still has its shape in the others. In a lit room it is
     their difference: grey things are no rings.
     """
-    red, green, blue = cv2.split(picture)
+    red, green, blue = cv2.split(picture, _planes(picture.shape[:2]))
     if is_lit(picture):
         most, least = (combine(combine(red, green), blue) for combine in (cv2.max, cv2.min))
         return np.asarray(cv2.subtract(most, least), np.uint8), True
-    mean = cv2.addWeighted(cv2.addWeighted(red, 1 / 2, green, 1 / 2, 0), 2 / 3, blue, 1 / 3, 0)
+    mean = cv2.addWeighted(cv2.addWeighted(red, 1 / 2, green, 1 / 2, 0, red), 2 / 3, blue, 1 / 3, 0)
     return np.asarray(mean, np.uint8), False
 
 
@@ -135,8 +142,9 @@ class Background:
         self._last_s = frame.time_s
         whole = int(self._rise)
         self._rise -= whole
-        self.levels = np.asarray(cv2.min(cv2.convertScaleAbs(levels, beta=whole), light), np.uint8)
-        return np.asarray(cv2.subtract(light, self.levels), np.uint8), False
+        raised = cv2.convertScaleAbs(levels, beta=whole) if whole else levels
+        self.levels = np.asarray(cv2.min(raised, light), np.uint8)
+        return np.asarray(cv2.subtract(light, self.levels, light), np.uint8), False
 
     def usual(self) -> float:
         """Return its median level, to which the even light of a room is near; 0 if there is no background yet."""
