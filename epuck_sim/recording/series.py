@@ -9,7 +9,7 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.step import READING, check_fields, reading_fields
+from epuck_sim.embodied.step import check_fields, reading_fields
 from epuck_sim.recording import Level
 from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
@@ -127,11 +127,11 @@ def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> 
 
     Raises ScenarioError if no controller remembers a field, or there are no controllers.
     """
+    readings = reading_fields(scenario) if isinstance(scenario, EmbodiedScenario) else []
     if memory:
         bodies = require_model(scenario, EmbodiedScenario, "robots alone have a memory to record")
-        check_fields(bodies, [field for field in memory if not field.startswith(READING)])
-    readings = reading_fields(scenario) if level is Level.FULL and isinstance(scenario, EmbodiedScenario) else []
-    return tuple(dict.fromkeys([*memory, *readings]))
+        check_fields(bodies, [field for field in memory if field not in readings])
+    return tuple(dict.fromkeys([*memory, *(readings if level is Level.FULL else ())]))
 
 
 def memory_entity(field: str) -> str:
