@@ -247,6 +247,20 @@ def test_a_push_and_a_drag_change_the_swarm(opened) -> None:
         assert browser.run("page.is_touched")
 
 
+@needs_browser
+def test_rings_that_are_switched_off_are_lit_again_in_the_next_trial_and_are_named_as_they_are(opened) -> None:
+    browser = opened("thesis")
+    press = "[...document.querySelectorAll('#one button')][1]"
+    browser.run(f"page.chosen = 2; page.show_one(); {press}.click()")
+    for who in (3, 2):
+        browser.run(f"page.chosen = {who}; page.draw()")
+        assert browser.run(f"{press}.textContent") == f"Switch its ring {'on' if who == 2 else 'off'}"
+    browser.run("find('again').click(); page.advance(1e9)")
+    assert browser.run(f"{press}.textContent") == "Switch its ring off"
+    (end,) = ended(load_scenario("thesis"), range(1))
+    assert browser.run("find('banner').textContent") == f"Synchronised: T_sync is {end[0]} cycles"
+
+
 WALK = "agents.walk={kind: levy, run_s: 0.5, exponent: 2}"
 PLACES = "start={positions_cm: [[10, 20], [30, 40]], headings: [[1, 0], [0, 2]], phases: [0.2, 0.9]}"
 CAMERA = "robots.0.camera={frames_per_s: 8, latency_ms: 50, reflection_range_cm: 100}"

@@ -71,6 +71,7 @@ class Page {
     this.is_touched = false;
     if (this.chosen >= this.swarm.count) this.chosen = -1;
     this.say("");
+    this.show_one();
     this.note_order();
     this.write_address();
   }
@@ -229,9 +230,11 @@ class Page {
     panel.hidden = chosen < 0;
     panel.dataset.who = `${chosen}`;
     if (chosen < 0) return;
-    const push = tag("button", "Push its phase"), dark = tag("button", "Switch its ring off");
+    const push = tag("button", "Push its phase"), dark = tag("button", "");
+    const name = () => (dark.textContent = `Switch its ring ${swarm.dark?.has(chosen) ? "on" : "off"}`);
     push.onclick = () => this.touch(() => swarm.push(chosen, 0.2));
-    dark.onclick = () => this.touch(() => (swarm.dark.has(chosen) ? swarm.dark.delete(chosen) : swarm.dark.add(chosen), (dark.textContent = `Switch its ring ${swarm.dark.has(chosen) ? "on" : "off"}`)));
+    dark.onclick = () => this.touch(() => (swarm.dark.delete(chosen) || swarm.dark.add(chosen), name()));
+    name();
     const parts = [tag("h3", `${this.data.one[0].toUpperCase()}${this.data.one.slice(1)} ${chosen}`)];
     if (swarm.camera) {
       const [eye, bars] = [tag("canvas", ""), tag("canvas", "")];

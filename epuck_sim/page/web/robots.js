@@ -43,7 +43,6 @@ class Robots {
     this.make_world(own.functions);
     this.scratch = Kernels.array(kernels.take(80), 10, 8);
     this.step_s = facts.step_ms / 1000;
-    this.dark = new Set();
     this.set_watch();
   }
 
@@ -193,6 +192,7 @@ class Robots {
     /** @type {Float64Array} */
     this.last = this.before;
     this.lit = new Uint8Array(this.count);
+    this.dark = new Set();
   }
 
   /** Write what a group's robots remember at the start, where the scenario says so. @param {number} number */
