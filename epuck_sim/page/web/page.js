@@ -45,7 +45,8 @@ class Page {
     this.show_settings();
     this.show_keys();
     find("counted").hidden = !data.facts.has_cycles;
-    for (const id of ["many", "csv"]) find(id).hidden = !data.facts.has_cycles || data.facts.order_parameter === null;
+    this.has_t_sync = data.facts.has_cycles && data.facts.order_parameter !== null;
+    for (const id of ["many", "csv"]) find(id).hidden = !this.has_t_sync;
     this.listen();
     this.begin();
     requestAnimationFrame((now) => this.picture(now));
@@ -125,7 +126,7 @@ class Page {
   end() {
     const { cycles, is_synchronised } = this.swarm.finish();
     this.play(false);
-    const said = !this.data.facts.has_cycles ? `Ended after ${this.swarm.time_s.toFixed(1)} s`
+    const said = !this.has_t_sync ? `Ended after ${this.swarm.time_s.toFixed(1)} s`
       : is_synchronised ? `Synchronised: T_sync is ${cycles} cycles` : `Not synchronised within ${cycles} cycles`;
     this.say(`${said}${this.is_touched ? ", of a trial that you have changed" : ""}`);
   }
