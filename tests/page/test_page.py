@@ -459,6 +459,8 @@ def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(opene
     assert [[int(row[3]), float(row[6])] for row in rows[:5]] == [[row[0], row[2]] for row in expected]
     assert browser.run("find('summary').hidden") is (worker == "")
     assert "100 trials: mean T_sync" in browser.run("find('histogram').ariaLabel")
+    browser.run("let run = page.hundred(); page.change({'response.coupling': 0.5}); run.then(() => 0)")
+    assert browser.run("find('histogram').parentElement.textContent").endswith("censored. Of the settings before.")
 
 
 @needs_browser

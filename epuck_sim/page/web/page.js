@@ -13,6 +13,8 @@ const SWEEP_CYCLES = 2000;
 const FADE_MS = 350;
 /** Most agents of which links are drawn. */
 const MOST_LINKED = 200;
+/** What is said of figures of trials with other settings, or another seed, than those of now. */
+const OUTDATED = " Of the settings before.";
 
 const find = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 
@@ -91,10 +93,10 @@ class Page {
 
   /** Say of figures of many trials that something has been changed since. */
   outdate() {
-    const said = " Of the settings before.";
+    this.is_outdated = true;
     for (const id of ["histogram", "curve"]) {
       const text = find(id).parentElement.querySelector("figcaption");
-      if (text.textContent && !text.textContent.endsWith(said)) text.textContent += said;
+      if (text.textContent && !text.textContent.endsWith(OUTDATED)) text.textContent += OUTDATED;
     }
   }
 
@@ -372,6 +374,7 @@ class Page {
       Object.entries({ hundred: is, stop: !is, progress: !is, sweep: is || !this.data.speed }).forEach(([id, hidden]) => (find(id).hidden = hidden));
     };
     busy(true);
+    this.is_outdated = false;
     find("summary").hidden = true;
     try {
       await this.trials.run(points, count, this.seed, (done) => {
@@ -396,15 +399,16 @@ class Page {
   caption(id, said) {
     const figure = find(id).parentElement;
     figure.hidden = false;
-    figure.querySelector("figcaption").textContent = said;
+    figure.querySelector("figcaption").textContent = said + (this.is_outdated ? OUTDATED : "");
     find(id).ariaLabel = said;
   }
 
   async hundred() {
     this.results = [];
     this.play(false);
-    await this.run([this.values], 100, ([results]) => {
-      const found = estimate(results, this.values["stop.max_cycles"], this.data.student), censored = results.filter((each) => !each.is_synchronised).length;
+    const { values } = this;
+    await this.run([values], 100, ([results]) => {
+      const found = estimate(results, values["stop.max_cycles"], this.data.student), censored = results.filter((each) => !each.is_synchronised).length;
       const interval = found.low ? ` (95 % interval ${found.low.toPrecision(3)} to ${found.high.toPrecision(3)})` : "";
       const said = `${results.length} trials: mean T_sync ${found.mean ? `${found.mean.toPrecision(3)} cycles${interval}` : "not known"}, ${censored} censored.`;
       this.caption("histogram", said);
