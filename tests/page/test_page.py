@@ -168,6 +168,7 @@ def test_a_page_opens_from_disk_without_network_and_without_complaint(opened, na
     for control in ("step", "again", "next", "play"):
         browser.run(f"find('{control}').click()")
     browser.run("find('hundred').click(); find('stop').click(); logTicks(0, 1); logTicks(1, Infinity)")
+    assert browser.run("[12.345, 0.0123, 1234.5, 98765].map(rounded)") == ["12.3", "0.0123", "1230", "98,800"]
     browser.run("page.chosen = 2; page.show_one(); page.touch(() => page.swarm.put(2, 20, 20)); page.draw()")
     browser.run("find('find').value = 'stop'; page.show_keys()")
     assert browser.run("find('one').hidden") is False

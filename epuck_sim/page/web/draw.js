@@ -139,6 +139,11 @@ function number(value) {
   return Math.abs(value) >= 10_000 ? value.toLocaleString("en") : `${value}`;
 }
 
+/** Return a number with three digits. @param {number} value */
+function rounded(value) {
+  return number(+value.toPrecision(3));
+}
+
 /** Return round numbers between two, about so many. @param {number} low @param {number} high @param {number} about */
 function ticks(low, high, about) {
   const rough = Math.max(high - low, 1e-12) / about, unit = 10 ** Math.floor(Math.log10(rough));

@@ -409,8 +409,8 @@ class Page {
     const { values } = this;
     await this.run([values], 100, ([results]) => {
       const found = estimate(results, values["stop.max_cycles"], this.data.student), censored = results.filter((each) => !each.is_synchronised).length;
-      const interval = found.low ? ` (95 % interval ${found.low.toPrecision(3)} to ${found.high.toPrecision(3)})` : "";
-      const said = `${results.length} trials: mean T_sync ${found.mean ? `${found.mean.toPrecision(3)} cycles${interval}` : "not known"}, ${censored} censored.`;
+      const interval = found.low ? ` (95 % interval ${rounded(found.low)} to ${rounded(found.high)})` : "";
+      const said = `${results.length} trials: mean T_sync ${found.mean ? `${rounded(found.mean)} cycles${interval}` : "not known"}, ${censored} censored.`;
       this.caption("histogram", said);
       this.redraw = () => drawHistogram(new CanvasPen(find("histogram")), results, found, colours());
       this.redraw();
@@ -427,7 +427,7 @@ class Page {
       this.caption("curve", `${this.results.length} of ${30 * stops.length} trials, 30 at each speed, censored after ${limit} cycles; bars are 95 % intervals.`);
       this.recurve = () => drawCurve(new CanvasPen(find("curve")), curve, this.values[key], colours());
       this.recurve();
-      const table = curve.map((/** @type {any} */ each) => `<tr><td class="number">${each.speed}</td><td class="number">${each.mean ? each.mean.toPrecision(3) : "–"}</td><td>${each.low ? `${each.low.toPrecision(3)} to ${each.high.toPrecision(3)}` : "–"}</td></tr>`);
+      const table = curve.map((/** @type {any} */ each) => `<tr><td class="number">${each.speed}</td><td class="number">${each.mean ? rounded(each.mean) : "–"}</td><td>${each.low ? `${rounded(each.low)} to ${rounded(each.high)}` : "–"}</td></tr>`);
       find("table").innerHTML = `<table><thead><tr><th scope="col">cm/s</th><th scope="col">mean T_sync, cycles</th><th scope="col">95 % interval</th></tr></thead><tbody>${table.join("")}</tbody></table>`;
       find("table").hidden = false;
     });
