@@ -3,6 +3,7 @@
 import base64
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
 from epuck_sim.embodied.user_code import OwnSensor
+from epuck_sim.errors import ScenarioError
 from epuck_sim.page.roots import own_controllers, own_sensors, shipped_root
 from epuck_sim.page.settings import Setting, fields_of, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -169,11 +171,10 @@ def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario) -> lis
     for name, (label, unit, found) in PARAMETERS.items():
         own, of_base = group.parameters.get(name), base.parameters.get(name)
         if isinstance(own, float):
-            least = group.parameters.get("flash_fraction", 0.0) if name == "refractory_fraction" else 0.0
+            key, known = f"robots.0.parameters.{name}", found if of_base is None else (*found, of_base)
             most = scenario.group_kinds[0].wheel_limit_cm_s if name == "speed_cm_s" else math.inf
-            fitting = {value for value in (*found, of_base) if value is not None and least <= value <= most}
-            values = tuple(sorted({own, *fitting}))
-            settings.append(Setting(f"robots.0.parameters.{name}", label, unit, values, own, of_base))
+            fitting = {value for value in known if value <= most and _is_allowed(scenario, key, value)}
+            settings.append(Setting(key, label, unit, tuple(sorted({own, *fitting})), own, of_base))
     if group.signal.kind == "camera":
         view, of_base = group.camera.field_of_view_deg, base.camera.field_of_view_deg
         key = "robots.0.camera.field_of_view_deg"
@@ -182,3 +183,11 @@ def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario) -> lis
         sides = _sides(scenario)
         settings.append(Setting("arena.width_cm", "side of the arena", "cm", sides, side_cm, thesis.arena.width_cm))
     return settings
+
+
+def _is_allowed(scenario: EmbodiedScenario, key: str, value: float) -> bool:
+    """Return whether the program takes a value of a key, beside those that the others have."""
+    with suppress(ScenarioError):
+        with_values(scenario, {key: value}, scenario.name)
+        return True
+    return False

@@ -231,6 +231,13 @@ def test_speeds_are_above_0_and_none_is_beyond_what_wheels_can(scenario: str, li
     assert len(set(stops)) == len(stops)
 
 
+def test_sliders_have_no_value_that_the_program_refuses() -> None:
+    changes = ["robots.0.memory={phase_ms: 4000}", "robots.0.parameters={delay_ms: 62, flash_fraction: 0.1}"]
+    settings = page_data(load_scenario("thesis", changes), "thesis")["settings"]
+    stops = {each["key"].rpartition(".")[2]: each["stops"] for each in settings}
+    assert (stops["period_s"][0], stops["refractory_fraction"][0]) == (4.5, 0.1)
+
+
 @needs_browser
 def test_a_push_and_a_drag_change_the_swarm(opened) -> None:
     for name in ("particles", "thesis"):
