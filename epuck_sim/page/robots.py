@@ -60,7 +60,6 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
     """Return what `web/robots.js` makes the swarms of a scenario from; raise ScenarioError if it cannot be a page."""
     check_robots(scenario)
     arena, contact, stop = scenario.arena.build(), scenario.contact, scenario.stop
-    group = scenario.robots[0]
     return {
         "scene": fields_of(SCENE),
         "robot": fields_of(ROBOT),
@@ -95,7 +94,7 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "order_parameter": stop.order_parameter,
         "further_cycles": stop.further_cycles,
         "max_time_s": stop.max_time_s,
-        "range_cm": group.camera.range_cm,
+        "ranges_cm": [each.camera.range_cm for each in scenario.robots],
     }
 
 

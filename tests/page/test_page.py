@@ -239,6 +239,16 @@ def test_sliders_have_no_value_that_the_program_refuses() -> None:
 
 
 @needs_browser
+def test_what_is_drawn_of_a_robots_camera_is_that_of_its_group(opened) -> None:
+    wide = "{count: 2, camera: {field_of_view_deg: 180, range_cm: 30}}"
+    browser = opened("thesis", [f"robots=[{{count: 2, signal: {{kind: radio}}}}, {wide}, {{count: 1}}]"])
+    cones = browser.run(
+        "page.shown().cones.map(({ robot, half, reach }) => [robot, Math.round(half * 360 / Math.PI), reach])"
+    )
+    assert cones == [[2, 180, 30], [3, 180, 30], [4, 56, 20]]
+
+
+@needs_browser
 def test_a_push_and_a_drag_change_the_swarm(opened) -> None:
     for name in ("particles", "thesis"):
         browser = opened(name)

@@ -93,7 +93,7 @@ function phaseColour(phase, colour) {
 }
 
 /** @typedef {{width: number, height: number, circles: number[][], polygons: number[][][], radii: Float64Array | null}} Place where agents are, cm; points have no radii */
-/** @typedef {{picture: Picture, glow: Float64Array, links: [number, number, number][], chosen: number, cones: {half: number, reach: number, robots: number[]} | null}} Shown */
+/** @typedef {{picture: Picture, glow: Float64Array, links: [number, number, number][], chosen: number, cones: {robot: number, half: number, reach: number}[]}} Shown */
 
 /** Draw the arena from above; y goes up. @param {CanvasPen | SvgPen} pen @param {Place} place @param {Shown} shown @param {Colours} colour */
 function drawArena(pen, place, shown, colour) {
@@ -105,8 +105,8 @@ function drawArena(pen, place, shown, colour) {
   pen.path(corners, { fill: colour.floor, stroke: colour.faint, width: 1.5 }, true);
   for (const [x, y, radius] of place.circles) pen.circle(...pair(at(x, y)), scale * radius, { fill: colour.rule, stroke: colour.faint });
   for (const polygon of place.polygons) pen.path(polygon.map(([x, y]) => at(x, y)), { fill: colour.rule, stroke: colour.faint }, true);
-  for (const robot of cones ? cones.robots : []) {
-    const { half, reach } = /** @type {{half: number, reach: number}} */ (cones), steps = Math.max(2, Math.ceil(half / 0.15));
+  for (const { robot, half, reach } of cones) {
+    const steps = Math.max(2, Math.ceil(half / 0.15));
     const rim = Array.from({ length: 2 * steps + 1 }, (_, step) => picture.heading[robot] + (half * (step - steps)) / steps);
     const points = rim.map((angle) => at(picture.x[robot] + reach * Math.cos(angle), picture.y[robot] + reach * Math.sin(angle)));
     pen.path([at(picture.x[robot], picture.y[robot]), ...points], { fill: colour.deep, alpha: robot === chosen ? 0.2 : 0.07 }, true);

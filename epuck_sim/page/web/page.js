@@ -181,13 +181,16 @@ class Page {
   /** @returns {Shown} */
   shown() {
     const { swarm, seen, glow, chosen } = this, links = [...this.links.values()];
-    let cones = null;
-    if (swarm.camera && this.data.facts.sees[0] === "camera") {
-      const half = ((this.values["robots.0.camera.field_of_view_deg"] / 2) * Math.PI) / 180;
-      const everybody = Array.from({ length: swarm.count }, (_, robot) => robot);
-      for (const robot of everybody) links.push(...this.sightings(robot, half));
-      const { width, height } = this.place(), reach = this.data.facts.range_cm ?? Math.min(width, height) / 3;
-      cones = { half, reach, robots: swarm.count <= 20 ? everybody : chosen >= 0 ? [chosen] : [] };
+    /** @type {Shown["cones"]} */
+    const cones = [], { sees, ranges_cm } = this.data.facts, { width, height } = this.place();
+    if (swarm.camera) {
+      for (let robot = 0; robot < swarm.count; robot++) {
+        const { number } = swarm.group_of(robot);
+        if (sees[number] !== "camera") continue;
+        const half = ((this.values[`robots.${number}.camera.field_of_view_deg`] / 2) * Math.PI) / 180;
+        links.push(...this.sightings(robot, half));
+        if (swarm.count <= 20 || robot === chosen) cones.push({ robot, half, reach: ranges_cm[number] ?? Math.min(width, height) / 3 });
+      }
     } else if (swarm.receivers && chosen >= 0) for (const other of swarm.receivers(chosen)) links.push([chosen, other, 0.8]);
     return { picture: seen, glow, links: /** @type {any} */ (links), chosen, cones };
   }
