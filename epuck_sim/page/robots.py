@@ -164,7 +164,7 @@ def _views(scenario: EmbodiedScenario) -> tuple[Any, ...]:
 def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario) -> list[Setting]:
     """Return what a page changes of a scenario of robots; thesis: the scenario of the thesis's base case."""
     group, base, side_cm = scenario.robots[0], thesis.robots[0], scenario.arena.width_cm
-    counts, settings = _counts(scenario), []
+    counts, settings, whose = _counts(scenario), [], " of the first group" * (len(scenario.robots) > 1)
     if len(counts) > 1:
         settings.append(Setting("robots.0.count", "robots", "", counts, group.count, base.count))
     for name, (label, unit, found) in PARAMETERS.items():
@@ -173,11 +173,11 @@ def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario) -> lis
             key, known = f"robots.0.parameters.{name}", found if of_base is None else (*found, of_base)
             most = scenario.group_kinds[0].wheel_limit_cm_s if name == "speed_cm_s" else math.inf
             fitting = {value for value in known if value <= most and _is_allowed(scenario, key, value)}
-            settings.append(Setting(key, label, unit, tuple(sorted({own, *fitting})), own, of_base))
+            settings.append(Setting(key, label + whose, unit, tuple(sorted({own, *fitting})), own, of_base))
     if group.signal.kind == "camera":
         view, of_base = group.camera.field_of_view_deg, base.camera.field_of_view_deg
         key = "robots.0.camera.field_of_view_deg"
-        settings.append(Setting(key, "field of view", "°", _views(scenario), view, of_base))
+        settings.append(Setting(key, f"field of view{whose}", "°", _views(scenario), view, of_base))
     if _has_free_sides(scenario):
         sides = _sides(scenario)
         settings.append(Setting("arena.width_cm", "side of the arena", "cm", sides, side_cm, thesis.arena.width_cm))

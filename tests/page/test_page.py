@@ -125,7 +125,10 @@ def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(tmp_pa
     found = {name: kernel.function.__globals__ for name, (kernel, _) in own_roots(scenario).items()}
     assert found.keys() == {"run_group_1", "sense_0", "sense_1"}
     assert [found[f"sense_{number}"]["READINGS"].names for number in range(2)] == [("near",), ("far",)]
-    swarm = page_data(scenario, "thesis")["facts"]["swarms"][4]
+    data = page_data(scenario, "thesis")
+    labels = {each["label"] for each in data["settings"]}
+    assert {"speed of the first group", "field of view of the first group"} <= labels
+    swarm = data["facts"]["swarms"][4]
     called = list(swarm["functions"].values())
     assert called == ["run_firefly", "run_group_1", "sense_infrared", "look", "sense_0", "sense_1"]
     assert [streams["robot"] for streams in swarm["streams"]] == [4, 4]
