@@ -24,6 +24,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario, arena_entries, largest
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
+from epuck_sim.trial.model import simulate
 
 ROWS_PER_PERIOD = 20  # regular rows of agents; there are further ones at the instants at which some fire
 PATH_S = 10.0  # length of the drawn paths of robots
@@ -197,7 +198,8 @@ class AgentBuffer:
     def __init__(
         self, scenario: ParticleScenario, seed: int, level: Level, rows_per_period: float = ROWS_PER_PERIOD
     ) -> None:
-        fresh = ParticleSimulation(scenario, seed)  # observers are shown no swarm before its first event
+        fresh = simulate(scenario, seed)  # observers are shown no swarm before its first event
+        assert isinstance(fresh, ParticleSimulation), "its scenario has agents"
         self._remember(fresh)
         self._periods_s = fresh.periods_s
         self._rows_per_period = rows_per_period

@@ -19,6 +19,7 @@ from epuck_sim.recording import Level, recorder, rows
 from epuck_sim.recording.layers import UNLABELLED
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial.model import simulate
 from tests.particles.naive_model import receivers_of
 from tests.recording.recordings import Found, recorded
 
@@ -65,6 +66,10 @@ changing:
   schedule:
   - {at_s: 2.5, set: {agents.speed_cm_s: 0}}
   - {at_s: 3.7, set: {agents.speed_cm_s: 20}, displace: {by_cycles: 0.3}}
+like robots:
+  space: {side_cm: 60}
+  agents: {count: 10, speed_cm_s: 20}
+  start: {like: thesis}
 alone: {agents: {count: 1, speed_cm_s: 0}, neighbourhood: {kind: all}}
 many:
   agents: {count: 180, speed_cm_s: 3}
@@ -101,7 +106,7 @@ def of(tmp_path_factory) -> Any:
             state["order_parameter"] = swarm.order_parameter
             made.seen.append(SimpleNamespace(event=event, time_ns=round(event.time_s * 1e9), **state))
 
-        made.result = run_trial(ParticleSimulation(scenario, 4), [look])
+        made.result = run_trial(simulate(scenario, 4), [look])
         made.instants = [each for each in made.seen if len(each.event.fired)]
         made.time_ns = np.round(made.recorded.time_s * 1e9).astype(np.int64)
         made.places = np.searchsorted(made.time_ns, [each.time_ns for each in made.instants]).tolist()
@@ -153,7 +158,7 @@ def test_flashes_are_at_the_instants_to_the_nanosecond_and_the_order_is_the_one_
 
 def test_all_is_as_the_swarm_had_it_and_between_instants_agents_fly_straight_and_phases_rise(trial) -> None:
     read, period_ms = trial.recorded, 1000 * trial.scenario.clocks.period_s
-    twin, swarms = ParticleSimulation(trial.scenario, 4), {}
+    twin, swarms = simulate(trial.scenario, 4), {}
     for row in sorted({*range(len(trial.time_ns))} - {*trial.places}):  # between instants
         twin.run_to(trial.time_ns[row] / 1e9)
         swarms[row] = twin.phases(), twin.positions(), twin.headings()
@@ -192,7 +197,7 @@ def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial
     assert np.round(np.array(found.times("/arena/links"))).tolist() == trial.time_ns.tolist()
     assert not any(parts[0][row] for row in set(range(len(trial.time_ns))) - {*trial.places})
     headings = {each.time_ns: before.headings for before, each in zip(trial.seen, trial.seen[1:], strict=False)}
-    headings[trial.seen[0].time_ns] = ParticleSimulation(trial.scenario, 4).headings()
+    headings[trial.seen[0].time_ns] = simulate(trial.scenario, 4).headings()
     shifts, links = 0, []
     for row, each in zip(trial.places, trial.instants, strict=True):
         waits, expected = {*each.event.received.tolist()}, []
