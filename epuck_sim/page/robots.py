@@ -66,7 +66,7 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "group": fields_of(GROUP),
         "bytes": {"robot": ROBOT.itemsize, "group": GROUP.itemsize},
         "arrays": Swarm._fields,
-        "swarms": {count: _swarm(scenario, count) for count in _counts(scenario)},
+        "swarms": _swarms(scenario),
         "functions": list(chipmunk.FUNCTIONS),
         "head": chipmunk.FIRST,
         "placements": [each.placement if each.present else "none" for each in scenario.robots],
@@ -96,6 +96,15 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "max_time_s": stop.max_time_s,
         "ranges_cm": [each.camera.range_cm for each in scenario.robots],
     }
+
+
+def _swarms(scenario: EmbodiedScenario) -> dict[int, dict[str, Any]]:
+    """Return the swarm of each number of robots among which the page chooses, and that finds room."""
+    own, found = scenario.robots[0].count, {}
+    for count in _counts(scenario):
+        with suppress(*[ScenarioError] * (count != own)):
+            found[count] = _swarm(scenario, count)
+    return found
 
 
 def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
@@ -161,10 +170,13 @@ def _views(scenario: EmbodiedScenario) -> tuple[Any, ...]:
     return tuple(sorted({*VIEWS_DEG, camera.field_of_view_deg}))
 
 
-def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario) -> list[Setting]:
-    """Return what a page changes of a scenario of robots; thesis: the scenario of the thesis's base case."""
+def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario, counts: tuple[int, ...]) -> list[Setting]:
+    """Return what a page changes of a scenario of robots.
+
+    `thesis` is the scenario of the thesis's base case, and `counts` are the numbers of robots that the page has.
+    """
     group, base, side_cm = scenario.robots[0], thesis.robots[0], scenario.arena.width_cm
-    counts, settings, whose = _counts(scenario), [], " of the first group" * (len(scenario.robots) > 1)
+    settings, whose = [], " of the first group" * (len(scenario.robots) > 1)
     if len(counts) > 1:
         settings.append(Setting("robots.0.count", "robots", "", counts, group.count, base.count))
     for name, (label, unit, found) in PARAMETERS.items():

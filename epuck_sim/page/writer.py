@@ -117,7 +117,7 @@ def page_data(
     """Return what a page knows of its scenario: facts of the swarm, values of all keys, and what can be changed."""
     if isinstance(scenario, EmbodiedScenario):
         facts = robots_facts(scenario)
-        changes = robots_settings(scenario, robots_like("thesis", scenario.name))
+        changes = robots_settings(scenario, robots_like("thesis", scenario.name), tuple(facts["swarms"]))
         speed_key, one = "robots.0.parameters.speed_cm_s", "robot"
     else:
         facts = agents_facts(scenario)

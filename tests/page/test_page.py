@@ -241,6 +241,13 @@ def test_sliders_have_no_value_that_the_program_refuses() -> None:
     assert (stops["period_s"][0], stops["refractory_fraction"][0]) == (4.5, 0.1)
 
 
+def test_a_page_has_as_many_robots_as_find_room() -> None:
+    pillar = "arena.obstacles=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 5}]"
+    counts, *_ = page_data(load_scenario("thesis", [pillar]), "thesis")["settings"]
+    assert (counts["key"], counts["stops"][0], counts["value"]) == ("robots.0.count", 1, 10)
+    assert 20 < counts["stops"][-1] < 50
+
+
 @needs_browser
 def test_what_is_drawn_of_a_robots_camera_is_that_of_its_group(opened) -> None:
     wide = "{count: 2, camera: {field_of_view_deg: 180, range_cm: 30}}"
