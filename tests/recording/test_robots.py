@@ -27,6 +27,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import versions
+from tests.cli.commands import call
 from tests.recording.recordings import Found, Watched, recorded, towards
 
 SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings", "/order/threshold"}
@@ -284,6 +285,7 @@ def test_a_recording_on_a_floor_whose_picture_is_gone_is_read_without_it(tmp_pat
     (tmp_path / "ground.png").unlink()
     with pytest.warns(UserWarning, match=r"^thesis: the picture of its floor is left out: there is no file .*ground"):
         assert read_recording(tmp_path / "t.rrd").scenario.arena == load_scenario({}).arena
+    assert call("plot", tmp_path / "t.rrd").stderr.startswith("note: thesis: the picture of its floor is left out: ")
 
 
 def test_many_robots_have_no_numbers_beside_them_and_that_of_a_row_is_within_it_left_of_the_picture(tmp_path) -> None:
