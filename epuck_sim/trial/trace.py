@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 
 from epuck_sim.arrays import IntArray
 from epuck_sim.embodied.step import Step, check_fields, field_values, reading_fields
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
 from epuck_sim.scenario.scenario import Scenario, require_model
@@ -127,6 +128,8 @@ class Trace:
             if self._writer is not None:
                 self._writer.close()
             self._contents.close()
+            if kind is None and self._writer is None:
+                raise EpuckSimError(f"{self._path}: cannot be written: there was no step to trace")
             if kind is None:
                 publish(self._part, self._path)
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim import ControllerError, Simulation, Step, Trace, load_scenario, run_trial
+from epuck_sim import ControllerError, EpuckSimError, Simulation, Step, Trace, load_scenario, run_trial
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial import trace as trace_module
@@ -238,11 +238,13 @@ def test_every_value_is_that_of_the_simulation(tmp_path, monkeypatch, arena: str
         np.testing.assert_array_equal(camera[rows], step.camera)
 
 
-def test_where_the_trial_fails_an_older_trace_stays_and_nothing_else_is_left(tmp_path) -> None:
+def test_where_the_trial_fails_or_has_no_step_an_older_trace_stays_and_nothing_else_is_left(tmp_path) -> None:
     path = tmp_path / "t.parquet"
     path.write_text("older")
     with pytest.raises(ZeroDivisionError), Trace(path, load_scenario("thesis"), 0):
         1 / 0  # noqa: B018
+    with pytest.raises(EpuckSimError, match=r"t\.parquet: cannot be written: there was no step"):
+        Trace(path, load_scenario("thesis"), 0).__exit__(None, None, None)
     assert [each.read_text() for each in tmp_path.iterdir()] == ["older"]
 
 
