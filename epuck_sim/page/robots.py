@@ -25,6 +25,7 @@ from epuck_sim.page.settings import Setting, fields_of, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import with_values
 from epuck_sim.scenario.robot_kind import cell_cm
+from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.trial.embodied import NOMINAL_PERIOD_S
 
 MOST_ROBOTS = 200  # of a page
@@ -70,13 +71,13 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "functions": list(chipmunk.FUNCTIONS),
         "head": chipmunk.FIRST,
         "placements": [each.placement if each.present else "none" for each in scenario.robots],
-        "memory": [each.memory for each in scenario.robots],
+        "memory": [_remembered(each) for each in scenario.robots],
         "takes_pictures": [
             each.signal.kind == "camera" and each.camera.frames_per_s is not None for each in scenario.robots
         ],
         "sees": [each.signal.kind for each in scenario.robots],
         "parameters": [fields_of(find_controller(each.controller).parameter_type) for each in scenario.robots],
-        "memories": [fields_of(find_controller(each.controller).memory) for each in scenario.robots],
+        "memories": [_memory_fields(find_controller(each.controller).memory) for each in scenario.robots],
         "cell_cm": cell_cm(scenario.group_kinds),
         "masses": [kind.mass_g for kind in scenario.group_kinds],
         "margin_cm": MARGIN_CM,
@@ -96,6 +97,31 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "max_time_s": stop.max_time_s,
         "ranges_cm": [each.camera.range_cm for each in scenario.robots],
     }
+
+
+def _memory_fields(memory: np.dtype[Any]) -> dict[str, tuple[int, str]]:
+    """Return offset and kind of each number that a robot remembers; those of an array have names such as `seen.2`."""
+    return {
+        name: (offset + place * memory[field].base.itemsize, kind)
+        for field, (offset, kind) in fields_of(memory).items()
+        for place, name in enumerate(_names(memory, field))
+    }
+
+
+def _names(memory: np.dtype[Any], field: str) -> list[str]:
+    shape = memory[field].shape
+    return [f"{field}.{place}" for place in range(math.prod(shape))] if shape else [field]
+
+
+def _remembered(group: RobotGroup) -> dict[str, Any]:
+    """Return what a group's robots remember at the start where the scenario says so: a number for all, or for each."""
+    memory = find_controller(group.controller).memory
+    found: dict[str, Any] = {}
+    for field, given in group.memory.items():
+        names = _names(memory, field)
+        columns = np.reshape(given, (group.count, -1)).T.tolist() if np.ndim(given) else [given] * len(names)
+        found |= dict(zip(names, columns, strict=True))
+    return found
 
 
 def _swarms(scenario: EmbodiedScenario) -> dict[int, dict[str, Any]]:

@@ -137,6 +137,16 @@ def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(tmp_pa
     assert roots.CURVE in json.dumps(page_data(bent, "particles"))
 
 
+def test_arrays_that_robots_remember_are_set_and_named_number_by_number(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(f'{EMPTY}\nMEMORY = {{"own": (float, 2), "on": bool}}\n')
+    memory = "memory: {own: [[1, 2], [3, 4], [5, 6]], on: 1}"
+    scenario = load_scenario("thesis", [f"robots=[{{count: 3, controller: mine.py, {memory}}}]"])
+    facts = page_data(scenario, "thesis")["facts"]
+    assert facts["memories"] == [{"own.0": (0, "f8"), "own.1": (8, "f8"), "on": (16, "i8")}]
+    assert facts["memory"] == [{"own.0": [1, 3, 5], "own.1": [2, 4, 6], "on": 1}]
+
+
 def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.py").write_text(CURVE.format("coupling * phase"))
     monkeypatch.setattr(build, "find_spec", lambda _: None)
@@ -364,7 +374,7 @@ from epuck_sim.util.rng import randint
 from oscillator import is_flash
 
 PARAMETERS = {"period_s": 5.0, "flash_pixels": 1, "speed_cm_s": 6.0, "mean_wait_steps": 40}
-MEMORY = {"phase_ms": float, "wait": int, "sightings": int}
+MEMORY = {"phase_ms": float, "wait": int, "sightings": int, "bias": (float, 2)}
 
 def start(memory, parameters, random):
     memory.phase_ms = 50.0 * randint(random, 100)
@@ -379,7 +389,7 @@ def step(sensors, memory, actuators, parameters, random):
     memory.wait -= 1
     if memory.wait < -4:
         memory.wait = randint(random, 2 * parameters.mean_wait_steps)
-    actuators.left_cm_s = -parameters.speed_cm_s if memory.wait < 0 else parameters.speed_cm_s
+    actuators.left_cm_s = memory.bias[1] + (-parameters.speed_cm_s if memory.wait < 0 else parameters.speed_cm_s)
     actuators.right_cm_s = parameters.speed_cm_s * sensors.ground * (0.5 + sensors.across)
 """,
     "ground.py": """
@@ -400,7 +410,7 @@ def sense(world, robot, readings, parameters, random):
 """,
 }
 TURNERS = [
-    "robots=[{count: 4}, {count: 4, controller: turner.py, sensors: [bright.py, ground.py]}]",
+    "robots=[{count: 4}, {count: 4, controller: turner.py, sensors: [bright.py, ground.py], memory: {bias: 0.5}}]",
     "arena.floor.patches=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 15, brightness: 0.1}]",
     "stop.max_cycles=20",
 ]
