@@ -294,7 +294,10 @@ def test_rings_that_are_switched_off_are_lit_again_in_the_next_trial_and_are_nam
     for who in (3, 2):
         browser.run(f"page.chosen = {who}; page.draw()")
         assert browser.run(f"{press}.textContent") == f"Switch its ring {'on' if who == 2 else 'off'}"
+    browser.run("page.advance(30)")
+    assert 2 not in browser.run("page.flashes.map(([, robot]) => robot)")
     browser.run("find('again').click(); page.advance(1e9)")
+    assert 2 in browser.run("page.flashes.map(([, robot]) => robot)")
     assert browser.run(f"{press}.textContent") == "Switch its ring off"
     (end,) = ended(load_scenario("thesis"), range(1))
     assert browser.run("find('banner').textContent") == f"Synchronised: T_sync is {end[0]} cycles"

@@ -276,7 +276,7 @@ class Robots {
       const at = this.facts.robot.ring_command[0];
       for (let robot = 0; robot < this.count; robot++) {
         const place = this.record("robot", robot), isLit = this.block.bytes[place + at];
-        if (isLit && !this.lit[robot]) tell(Math.max(0, (this.steps - 1) * this.step_s), robot);
+        if (isLit && !this.lit[robot] && !this.dark.has(robot)) tell(Math.max(0, (this.steps - 1) * this.step_s), robot);
         this.lit[robot] = isLit;
         if (this.dark.has(robot)) this.set("robot", "ring_on", robot, 0);
       }
