@@ -115,11 +115,12 @@ class Recorded(NamedTuple):
     def _repr_html_(self) -> str:
         """Return the last moment at which most rings were lit, and what is recorded, for notebooks."""
         population = population_of(self.scenario)
+        asked = self.scenario.stop.order_parameter is not None
         rows = [
             (f"{population.noun}s", str(population.size)),
             ("level", str(self.level)),
             ("duration", f"{self.time_s.max(initial=0):.1f} s, {self.cycles} cycles"),
-            ("synchronised", "yes" if self.synchronised else "no"),
+            ("synchronised", "yes" if self.synchronised else "no" if asked else "not asked for"),
             ("rows", str(len(self.time_s))),
         ]
         parts = [element("p", element("b", self.scenario.name), f", seed {self.seed}"), facts(rows)]

@@ -89,7 +89,7 @@ class Recorder:
             assert isinstance(scenario, ParticleScenario), "other models have no population"
             self._buffer = AgentBuffer(scenario, seed, level)
             self._layers = [AgentLayers(scenario, population)] if level is Level.FULL else []
-        self._texts = Texts()
+        self._texts = Texts(self._threshold)
         self._write(
             _description(scenario, seed, level, memory),
             static_time_series(population, level, memory),

@@ -81,8 +81,10 @@ def time_series(batch: RowBatch, population: Population, threshold: float | None
 class Texts:
     """What has changed, as a log, and what the trial has come to: seconds, the cycle, and T_sync once it is known."""
 
-    def __init__(self) -> None:
-        self._events = self._cycles = 0  # before the first row
+    def __init__(self, threshold: float | None) -> None:
+        """Begin before the first row; without a threshold of the order parameter there is no T_sync."""
+        self._events = self._cycles = 0
+        self._not_yet = "" if threshold is None else ": not synchronised"
         self._said = ""
 
     def chunks(self, batch: RowBatch, state: TrialState) -> Iterator[Chunk]:
@@ -96,8 +98,8 @@ class Texts:
         t_sync = state.outcome.cycles if state.is_synchronised else math.inf
         new: dict[int, str] = {}
         for row, (time_ns, cycle) in enumerate(zip(batch.time_ns.tolist(), cycles.tolist(), strict=True)):
-            reached = f"T_sync {t_sync} cycles" if cycle >= t_sync else "not synchronised"
-            text = f"**{time_ns // 10**9} s**" + (f", cycle {cycle}: {reached}" if state.oscillators else "")
+            reached = f": T_sync {t_sync} cycles" if cycle >= t_sync else self._not_yet
+            text = f"**{time_ns // 10**9} s**" + (f", cycle {cycle}{reached}" if state.oscillators else "")
             if text != self._said:
                 new[row] = self._said = text
         if new:

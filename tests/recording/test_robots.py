@@ -404,6 +404,10 @@ def test_the_outcome_is_that_of_synchrony_however_long_the_trial_goes_on(tmp_pat
     texts = Found(tmp_path / "t.rrd").lists("/now", "TextDocument:text")
     assert texts[0] == ["**0 s**, cycle 0: not synchronised"]
     assert texts[-1][0].endswith(f"cycle {result.t_sync_cycles + 2}: T_sync {result.t_sync_cycles} cycles")
+    unasked = load_scenario("thesis", ["stop.order_parameter=null", "stop.max_cycles=1"])
+    recorded(tmp_path / "t.rrd", unasked, 2, Level.SUMMARY)
+    assert Found(tmp_path / "t.rrd").lists("/now", "TextDocument:text")[0] == ["**0 s**, cycle 0"]
+    assert "not asked for" in read_recording(tmp_path / "t.rrd")._repr_html_()
 
 
 def test_a_minute_of_ten_robots_takes_less_than_1100_kb(tmp_path) -> None:
