@@ -88,9 +88,13 @@ def open_observers(
 
 @contextmanager
 def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[ObserverFactory]:
+    from epuck_sim.recording.layout import arrangement_of
+    from epuck_sim.recording.series import recorded_fields
     from epuck_sim.recording.viewer import live, live_viewer, sleep
 
-    memory, level = tuple(dict.fromkeys(watched.memory)), watched.level
+    level = watched.level
+    memory = recorded_fields(scenario, level, watched.memory)
+    arrangement_of(scenario, level, memory)  # what cannot be shown is refused before a viewer opens
     invitation = "open this address in a browser on this machine; the trial begins by itself:\n"
     with live_viewer(watched.port, lambda address: print_stderr(invitation + address)) as (viewer, intake):
         with pressed_keys(echo=echo) as wait:
