@@ -92,8 +92,7 @@ def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[Observ
     from epuck_sim.recording.series import recorded_fields
     from epuck_sim.recording.viewer import live, live_viewer, sleep
 
-    level = watched.level
-    memory = recorded_fields(scenario, level, watched.memory)
+    level, memory = watched.level, recorded_fields(scenario, watched.level, watched.memory)
     arrangement_of(scenario, level, memory)  # what cannot be shown is refused before a viewer opens
     invitation = "open this address in a browser on this machine; the trial begins by itself:\n"
     with live_viewer(watched.port, lambda address: print_stderr(invitation + address)) as (viewer, intake):

@@ -101,26 +101,21 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
 
 def _memory_fields(memory: np.dtype[Any]) -> dict[str, tuple[int, str]]:
     """Return offset and kind of each number that a robot remembers; those of an array have names such as `seen.2`."""
-    return {
-        name: (offset + place * memory[field].base.itemsize, kind)
-        for field, (offset, kind) in fields_of(memory).items()
-        for place, name in enumerate(_names(memory, field))
-    }
-
-
-def _names(memory: np.dtype[Any], field: str) -> list[str]:
-    shape = memory[field].shape
-    return [f"{field}.{place}" for place in range(math.prod(shape))] if shape else [field]
+    found = {}
+    for field, (first, kind) in fields_of(memory).items():
+        shape, bytes_each = memory[field].shape, memory[field].base.itemsize
+        for place in range(math.prod(shape)):
+            found[f"{field}.{place}" if shape else field] = first + place * bytes_each, kind
+    return found
 
 
 def _remembered(group: RobotGroup) -> dict[str, Any]:
     """Return what a group's robots remember at the start where the scenario says so: a number for all, or for each."""
-    memory = find_controller(group.controller).memory
-    found: dict[str, Any] = {}
+    known, found = _memory_fields(find_controller(group.controller).memory), dict[str, Any]()
     for field, given in group.memory.items():
-        names = _names(memory, field)
+        names = [name for name in known if name.partition(".")[0] == field]
         columns = np.reshape(given, (group.count, -1)).T.tolist() if np.ndim(given) else [given] * len(names)
-        found |= dict(zip(names, columns, strict=True))
+        found |= zip(names, columns, strict=True)
     return found
 
 
@@ -197,10 +192,7 @@ def _views(scenario: EmbodiedScenario) -> tuple[Any, ...]:
 
 
 def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario, counts: tuple[int, ...]) -> list[Setting]:
-    """Return what a page changes of a scenario of robots.
-
-    `thesis` is the scenario of the thesis's base case, and `counts` are the numbers of robots that the page has.
-    """
+    """Return what a page changes of robots; thesis: the base case; counts: numbers of robots that the page has."""
     group, base, side_cm = scenario.robots[0], thesis.robots[0], scenario.arena.width_cm
     settings, whose = [], " of the first group" * (len(scenario.robots) > 1)
     if len(counts) > 1:
