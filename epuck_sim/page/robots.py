@@ -4,10 +4,12 @@ import base64
 import math
 from collections.abc import Mapping
 from contextlib import suppress
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
+from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies import chipmunk
@@ -29,6 +31,7 @@ from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.trial.embodied import NOMINAL_PERIOD_S
 
 MOST_ROBOTS = 200  # of a page
+FLOOR_CELLS, PICTURE_CELLS = 160, 60  # into which the longer side of a floor, or of its picture, is divided to draw it
 COUNTS = (*range(1, 21), 25, 30, 40, 50)  # of robots on a slider; each has a block of its own in the page
 VIEWS_DEG = (20, 30, 40, 56, 70, 90, 120, 150, 180, 240, 300, 360)
 """Fields of view of a slider; the directions of a camera's pixels are made here, to the bit."""
@@ -86,6 +89,8 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "wall_cm": WALL_CM,
         "circles": arena.circles.tolist(),
         "polygons": [corners.tolist() for corners in arena.polygons],
+        "floor": _floor(arena),
+        "lamps": [[x, y, arena.lamp_cm] for x, y, *_ in arena.lamps.tolist()],
         "views": [(view, _view(scenario, view)) for view in _views(scenario)],
         "step_ms": scenario.timing.step_ms,
         "nominal_period_ms": NOMINAL_PERIOD_S * 1000,
@@ -117,6 +122,21 @@ def _remembered(group: RobotGroup) -> dict[str, Any]:
         columns = np.reshape(given, (group.count, -1)).T.tolist() if np.ndim(given) else [given] * len(names)
         found |= zip(names, columns, strict=True)
     return found
+
+
+def _floor(arena: Arena) -> list[tuple[float, float, float, float, int]]:
+    """Return boxes of one level of grey, 0 to 255: their left, top, right and bottom, as shares of the arena's sides.
+
+    There is none on a floor that is white all over, which pages draw in a colour of theirs.
+    """
+    levels, boxes = floor_levels(arena, PICTURE_CELLS if arena.floor.picture.size else FLOOR_CELLS), []
+    rows, columns = levels.shape
+    for row, cells in enumerate(() if arena.floor.is_white else levels.tolist()):
+        end = 0
+        for level, run in groupby(cells):
+            first, end = end, end + len(list(run))
+            boxes.append((first / columns, 1 - row / rows, end / columns, 1 - (row + 1) / rows, level))
+    return boxes
 
 
 def _swarms(scenario: EmbodiedScenario) -> dict[int, dict[str, Any]]:

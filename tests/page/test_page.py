@@ -259,6 +259,19 @@ def test_a_page_has_as_many_robots_as_find_room() -> None:
 
 
 @needs_browser
+def test_floors_and_lamps_are_drawn(opened) -> None:
+    grey = "{shape: box, x_cm: 15, y_cm: 60, width_cm: 30, height_cm: 60, heading_rad: 0, brightness: 0.2}"
+    browser = opened("thesis", [f"arena.floor.patches=[{grey}]", "arena.lamps=[{x_cm: 45, y_cm: 15}]"])
+    shares = browser.run("page.place().floor.map(([w, n, e, s, level]) => [(e - w) * (n - s), level])")
+    assert sum(share for share, level in shares if level == 51) == pytest.approx(1 / 4)
+    assert browser.run("page.place().lamps[0].slice(0, 2)") == [45, 15]
+    drawn = browser.run(
+        "((pen) => (drawArena(pen, page.place(), page.shown(), colours()), pen.svg))(new SvgPen(300, 300))"
+    )
+    assert "rgb(51,51,51)" in drawn
+    assert opened("thesis").run("page.place().floor") == []
+
+
 def test_what_is_drawn_of_a_robots_camera_is_that_of_its_group(opened) -> None:
     wide = "{count: 2, camera: {field_of_view_deg: 180, range_cm: 30}}"
     browser = opened("thesis", [f"robots=[{{count: 2, signal: {{kind: radio}}}}, {wide}, {{count: 1}}]"])

@@ -92,7 +92,7 @@ function phaseColour(phase, colour) {
   return Number.isNaN(phase) ? colour.faint : `hsl(${(40 + 360 * phase) % 360}, 58%, ${colour.light})`;
 }
 
-/** @typedef {{width: number, height: number, circles: number[][], polygons: number[][][], radii: Float64Array | null}} Place where agents are, cm; points have no radii */
+/** @typedef {{width: number, height: number, floor: number[][], circles: number[][], polygons: number[][][], lamps: number[][], radii: Float64Array | null}} Place where agents are, cm; points have no radii; boxes of the floor are in shares of its sides */
 /** @typedef {{picture: Picture, glow: Float64Array, links: [number, number, number][], chosen: number, cones: {robot: number, half: number, reach: number}[]}} Shown */
 
 /** Draw the arena from above; y goes up. @param {CanvasPen | SvgPen} pen @param {Place} place @param {Shown} shown @param {Colours} colour */
@@ -102,9 +102,15 @@ function drawArena(pen, place, shown, colour) {
   const left = (pen.width - scale * place.width) / 2, low = (pen.height + scale * place.height) / 2;
   const at = (/** @type {number} */ x, /** @type {number} */ y) => [left + scale * x, low - scale * y];
   const corners = [at(0, 0), at(place.width, 0), at(place.width, place.height), at(0, place.height)];
-  pen.path(corners, { fill: colour.floor, stroke: colour.faint, width: 1.5 }, true);
+  pen.path(corners, { fill: colour.floor }, true);
+  for (const [west, north, east, south, level] of place.floor) {
+    const [[x, y], [right, below]] = [at(west * place.width, north * place.height), at(east * place.width, south * place.height)];
+    pen.path([[x, y], [right, y], [right, below], [x, below]], { fill: `rgb(${level},${level},${level})`, stroke: `rgb(${level},${level},${level})`, width: 1 }, true); // no gaps
+  }
+  pen.path(corners, { stroke: colour.faint, width: 1.5 }, true);
   for (const [x, y, radius] of place.circles) pen.circle(...pair(at(x, y)), scale * radius, { fill: colour.rule, stroke: colour.faint });
   for (const polygon of place.polygons) pen.path(polygon.map(([x, y]) => at(x, y)), { fill: colour.rule, stroke: colour.faint }, true);
+  for (const [x, y, radius] of place.lamps) pen.circle(...pair(at(x, y)), scale * radius, { fill: colour.amber, stroke: colour.faint });
   for (const { robot, half, reach } of cones) {
     const steps = Math.max(2, Math.ceil(half / 0.15));
     const rim = Array.from({ length: 2 * steps + 1 }, (_, step) => picture.heading[robot] + (half * (step - steps)) / steps);

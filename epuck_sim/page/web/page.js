@@ -173,9 +173,9 @@ class Page {
 
   place() {
     const { facts } = this.data, side = this.values["space.side_cm"];
-    if (!facts.swarms) return { width: side, height: side, circles: [], polygons: [], radii: null };
-    const { circles, polygons } = facts;
-    return { width: this.values["arena.width_cm"], height: this.values["arena.height_cm"], circles, polygons, radii: this.swarm.radii };
+    if (!facts.swarms) return { width: side, height: side, floor: [], circles: [], polygons: [], lamps: [], radii: null };
+    const { floor, circles, polygons, lamps } = facts;
+    return { width: this.values["arena.width_cm"], height: this.values["arena.height_cm"], floor, circles, polygons, lamps, radii: this.swarm.radii };
   }
 
   /** @returns {Shown} */
