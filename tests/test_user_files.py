@@ -193,6 +193,15 @@ def test_an_entry_point_without_a_file_is_warned_of_once_with_its_package_and_ev
     look_again()
     result = call("check", "pair")
     assert (result.exit_code, result.stderr.count("note: night offers the controller")) == (0, 1)
+    look_again()
+    said = call("run", "pair", "--controller", "dark").stderr.splitlines()
+    assert [line.partition(" '")[0] for line in said] == [
+        "note: night offers the controller",
+        "error: pair: --controller dark: unknown",
+    ]
+    install(site, "night", "scenarios", "dark", module)
+    look_again()
+    assert call("run", "dark").stderr.startswith("note: night offers the scenario 'dark'")
 
 
 def test_a_broken_file_of_a_package_is_refused_with_its_line_where_it_is_used(site):

@@ -82,12 +82,11 @@ def print_traceback() -> Iterator[None]:
 
 @contextmanager
 def print_warnings() -> Iterator[None]:
-    """Print what the block warns of as notes."""
-    with warnings.catch_warnings(record=True) as noted:
+    """Print what the block warns of as notes, at once: an error that follows may be due to it."""
+    with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = lambda message, *_, **__: typer.echo(f"note: {message}", err=True)
         yield
-    for warning in noted:
-        typer.echo(f"note: {warning.message}", err=True)
 
 
 def reject_first(*mistakes: tuple[bool, str]) -> None:

@@ -62,7 +62,7 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for."""
-        with exit_on_error():
+        with exit_on_error(), print_warnings():
             try:
                 return super().invoke(ctx)
             except Exception as error:
@@ -195,7 +195,7 @@ def read_scenario(
     if trusted and (folder := run_folder_of(scenario)) is not None:
         trust(folder)
     check_trusted(scenario)
-    with word_if_slow(f"reading {scenario}"), print_warnings():
+    with word_if_slow(f"reading {scenario}"):
         loaded = load_scenario(
             scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
         )

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import prefix_scenario, print_warnings, reject_first, word_if_slow
+from epuck_sim.cli.errors import prefix_scenario, reject_first, word_if_slow
 from epuck_sim.cli.options import argument, option
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import TEMPLATES, builtin_folder
@@ -59,8 +59,7 @@ def list_shipped(
     """List scenarios, sweeps and controllers, or measures: those of epuck-sim, and those of installed packages."""
     from epuck_sim.cli.listing import list_measures, list_names, print_descriptions
 
-    with print_warnings():
-        listed = list_measures() if measures else list_names()
+    listed = list_measures() if measures else list_names()
     if as_json:
         print(json.dumps(listed, ensure_ascii=False, indent=2))
     else:
@@ -99,7 +98,7 @@ def _make_page(scenario: str, path: Path, settings: list[str] | None, controller
     from epuck_sim.runs.sources import check_trusted
 
     check_trusted(scenario)
-    with word_if_slow(f"making the page of {scenario}"), print_warnings(), prefix_scenario(scenario):
+    with word_if_slow(f"making the page of {scenario}"), prefix_scenario(scenario):
         write_page(scenario, path, settings or (), controller=controller)
 
 
