@@ -182,6 +182,12 @@ def test_a_name_of_two_packages_or_of_one_and_ours_is_refused_when_it_is_used_an
     assert find_measure("degree").name == "degree"
 
 
+def test_of_several_measures_of_a_package_one_is_given_by_its_name_there(site):
+    install(site, "sky", "measures", "sky", "sky.both", "def a(simulation): return 1\ndef b(simulation): return 2")
+    assert refused("run", "pair", "--measure", "sky").endswith("both.py: holds a, b; give one of them as sky:NAME\n")
+    assert find_measure("sky:b").name == "b"
+
+
 @pytest.mark.parametrize("module", ["nowhere", "nowhere.dark", "night.lost", "night.dark:Walk", "", "..", "sys"])
 def test_an_entry_point_without_a_file_is_warned_of_once_with_its_package_and_everything_else_works(module, site):
     install(site, "night", "controllers", "dark", module)

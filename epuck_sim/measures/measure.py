@@ -184,7 +184,8 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
     chosen = member
     if not member:
         if len(found) != 1:
-            raise MeasureError(f"{file.path}: holds {comma_list(known)}; give one of them as {file.path.name}:NAME")
+            given = place.name if place.package else file.path.name
+            raise MeasureError(f"{file.path}: holds {comma_list(known)}; give one of them as {given}:NAME")
         (chosen,) = found
     if chosen not in file.parts:
         raise MeasureError(f"{file.path}: {did_you_mean(chosen, known)}; it holds {comma_list(known)}")
