@@ -161,7 +161,7 @@ def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     def build(part: Path) -> None:
         code = part.with_name("code.o")
         _run(path, [*compiler, *FLAGS, *ERRORS, "-isystem", HEADERS, "-c", path, "-o", code])
-        _reject_shared(path, code, sources[path])
+        _reject_shared(code, sources)
         _run(path, [*compiler, "-shared", "-Wl,-z,defs", code, "-o", part, "-lm"])
 
     contents = [settings, (HEADERS / "epuck.h").read_bytes(), *sources.values()]
@@ -193,7 +193,7 @@ def _run(path: Path, command: Sequence[str | Path]) -> str:
     return run.stdout
 
 
-def _reject_shared(path: Path, code: Path, source: bytes) -> None:
+def _reject_shared(code: Path, sources: Mapping[Path, bytes]) -> None:
     lister = shutil.which("nm")
     if lister is None:
         return
@@ -202,22 +202,26 @@ def _reject_shared(path: Path, code: Path, source: bytes) -> None:
     for name, _, kind, _, _, _, section in rows:
         plain = name.partition(".")[0]  # `count.0` is a variable inside a function
         if name == "main":
-            raise ControllerError(f"{path}:{_line_of(name, source)}: {name!r}: {FOR_THE_ROBOT_ITSELF}")
+            raise ControllerError(f"{_line_of(name, sources)}: {name!r}: {FOR_THE_ROBOT_ITSELF}")
         is_variable = kind in "bBdDC" and not section.startswith(".data.rel.ro")
         if is_variable and plain not in OWN_VARIABLES:
             raise ControllerError(
-                f"{path}:{_line_of(plain, source)}: {plain!r} is a variable that all robots would share; make it "
+                f"{_line_of(plain, sources)}: {plain!r} is a variable that all robots would share; make it "
                 "a part of MEMORY, where each robot has its own, or const"
             )
         if kind == "U" and plain in SHARED_RANDOM:
             raise ControllerError(
-                f"{path}:{_line_of(plain, source)}: {plain}() is shared by all robots; use e_randint() or e_uniform()"
+                f"{_line_of(plain, sources)}: {plain}() is shared by all robots; use e_randint() or e_uniform()"
             )
 
 
-def _line_of(name: str, source: bytes) -> int:
-    lines = source.decode(errors="replace").splitlines()
-    return next((number for number, line in enumerate(lines, 1) if re.search(rf"\b{re.escape(name)}\b", line)), 1)
+def _line_of(name: str, sources: Mapping[Path, bytes]) -> str:
+    """Return FILE:LINE of the first line that has a name; the first line of all if none has."""
+    for file, text in sources.items():
+        for number, line in enumerate(text.decode(errors="replace").splitlines(), 1):
+            if re.search(rf"\b{re.escape(name)}\b", line):
+                return f"{file}:{number}"
+    return f"{next(iter(sources))}:1"
 
 
 def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
