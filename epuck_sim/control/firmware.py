@@ -151,7 +151,7 @@ def _is_cut_off(contents: bytes) -> bool:
 def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     """Return the library of a C file, and the contents of the files that it is made from, but the compiler's own."""
     compiler = _find_compiler(path)
-    _, _, files = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", path]).partition(":")
+    _, _, files = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", "-MT", "code", path]).partition(":")
     named = re.findall(r"(?:\\.|[^\s\\])+", files.replace("\\\n", " "))  # with the quotes of `make`
     own = [Path(re.sub(r"\\(.)", r"\1", file).replace("$$", "$")).resolve() for file in named]
     sources = {file: file.read_bytes() for file in dict.fromkeys([path, *own])}

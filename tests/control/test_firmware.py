@@ -104,13 +104,13 @@ def test_defaults_types_and_check_are_those_of_the_file_which_needs_neither_list
 
 
 def test_a_library_runs_as_its_source_does_and_an_edit_of_either_or_of_what_it_includes_is_noticed(tmp_path):
-    tmp_path /= "o'brien's $5"
+    tmp_path /= "o'brien's $5: #1"
     tmp_path.mkdir()
     for number in (1, 2):
         (tmp_path / "gain.h").write_text(f"#define GAIN {number}\n")
-        source = write_firmware(tmp_path / "mine.c", "memory->x += GAIN;", head='#include "gain.h"')
-        assert set(source.sources) == {tmp_path / "mine.c", tmp_path / "gain.h"}
-        command = ["cc", *FLAGS, "-isystem", str(HEADERS), "-shared", "mine.c", "-o", "mine.so"]
+        source = write_firmware(tmp_path / "a:mine.c", "memory->x += GAIN;", head='#include "gain.h"')
+        assert set(source.sources) == {tmp_path / "a:mine.c", tmp_path / "gain.h"}
+        command = ["cc", *FLAGS, "-isystem", str(HEADERS), "-shared", "./a:mine.c", "-o", "mine.so"]
         subprocess.run(command, cwd=tmp_path, check=True)
         for firmware in (source, find_controller(str(tmp_path / "mine.so"))):
             bench = Bench(firmware)
