@@ -5,7 +5,7 @@ call, or of those of a thread in one for each.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
@@ -307,7 +307,9 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         if self._pool is None:
             self._advance(shares[0])
         else:
-            for done in [self._pool.submit(self._advance, share) for share in shares]:
+            working = [self._pool.submit(self._advance, share) for share in shares]
+            wait(working)  # also after an error: none is at work when the swarms begin anew
+            for done in working:
                 done.result()
         self._begin(np.flatnonzero(resting).tolist())
         situation = self.look()

@@ -130,6 +130,18 @@ def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
         batch.step(np.zeros((3, 3)))
 
 
+def test_after_an_error_in_a_thread_no_other_one_goes_on(tmp_path):
+    path = tmp_path / "late.py"
+    path.write_text(with_step("memory.x += 1 / (1 - parameters.gain)").replace("{}", "{'gain': 0.0}"))
+    robots = [{"count": 1, "controller": "external"}, {"count": 9, "controller": str(path)}]
+    batch = vector_env({"robots": robots}, 2, threads=2, control_steps=20_000, episode_s=1e6)
+    batch.reset()
+    batch.simulations[0].set_parameters(1, gain=1.0)
+    with pytest.raises(ControllerError, match=r"robot 1, .*late.py"):
+        batch.step(np.zeros((2, 3)))
+    assert batch.simulations[1].steps == 20_001
+
+
 def test_swarms_and_arenas_that_change_are_refused():
     for changes in (
         {"schedule": [{"at_s": 1, "remove": [1]}]},
