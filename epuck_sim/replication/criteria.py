@@ -96,8 +96,10 @@ def mean_with_error(measured: Measured) -> MeanError:
 
 
 def level(sample: Measured) -> Effect:
-    """Return the mean of the trials of a point."""
-    return student(*mean_with_error(sample))
+    """Return the mean of the trials of a point; where some are censored, nothing shows it below what none reached."""
+    found = student(*mean_with_error(sample))
+    end = math.inf if sample.observed.all() else sample.horizon
+    return found._replace(p_below=lambda threshold: found.p_below(threshold) if threshold < end else 1.0)
 
 
 def share(sample: Measured) -> Effect:

@@ -141,6 +141,8 @@ def test_means_are_restricted_to_one_limit_and_all_censored_ones_scatter_as_if_o
     one_at_once = [0.0] + [LIMIT] * 19
     assert mean_with_error(none) == pytest.approx((LIMIT, np.std(one_at_once, ddof=1) / math.sqrt(20), 19))
     assert ratio([(some, none)]).p_above(1) < 0.1
+    assert level(none).p_below(2 * LIMIT) == level(some).p_below(LIMIT) == 1  # of what lies beyond nothing is known
+    assert level(some).p_below(0.99 * LIMIT) < 0.05
     low, high = restrict([times([10, 20, 30, 40, 900]), times([10, 2000, 30, 40, 50], limit=100)])
     assert low.values.tolist() == [10, 20, 30, 40, 100]
     assert high.limit == low.limit == 100
