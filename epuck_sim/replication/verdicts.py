@@ -108,6 +108,8 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     for key in ("along", "over"):
         if key in test.takes:
             axis = choose_axis([point.axes for point in used], getattr(check, key), key)
+            if len({point.axes[axis] for point in used}) == 1:
+                raise EpuckSimError(f"{key}: {axis} is {used[0].axes[axis]} at all points; {check.test} takes several")
             if LOGARITHMIC.get(check.test) == key and min(float(point.axes[axis]) for point in used) <= 0:
                 raise EpuckSimError(f"{key}: {axis} is 0 or less at a point; {check.test} takes values above 0")
     if test.points not in (None, len(used)):
