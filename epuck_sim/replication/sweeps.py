@@ -44,7 +44,7 @@ def sweep_scenario(claims: Claims, name: str) -> Scenario:
     path = find_scenario(asked.scenario)
     given = without_quick(read_yaml(path))
     given.pop("figure", None)  # it is about axes that the sweep may no longer have
-    if "points" in asked.keys.get("sweep", {}):
+    if "points" in (asked.keys.get("sweep") or {}):
         given.pop("sweep", None)  # points are of this sweep's own axes
     with refused_at(f"sweep {name}"):
         return from_keys({**merge({**given, "seed": claims.seed}, asked.keys), "name": name}, "scenario", path.parent)

@@ -155,6 +155,14 @@ def swept() -> dict[str, tuple[Point, ...]]:
     return {name: points(sweep_scenario(CLAIMS, name)) for name in CLAIMS.sweeps}
 
 
+def test_keys_may_leave_out_the_sweep_of_a_scenario() -> None:
+    asked = {"scenario": "two-nearest", "keys": {"sweep": None}}
+    claims = CLAIMS.model_validate(
+        {"sweeps": {"one": asked}, "claims": [{"id": "A", "section": "9", "claim": "so", "no_claim": "-"}]}
+    )
+    assert len(points(sweep_scenario(claims, "one"))) == 1
+
+
 def test_every_test_finds_its_points_in_a_sweep_that_can_be_run() -> None:
     none = np.array([]), np.array([], bool), ()
     found = {name: [PointTrials(*point[:4], *none) for point in of_sweep] for name, of_sweep in swept().items()}
