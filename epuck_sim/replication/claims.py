@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
@@ -20,7 +20,8 @@ SHIPPED = Path(__file__).with_name("claims.yaml")  # the claims of the thesis
 RISE = 1.1
 """Ratio of means above which T_sync rises, and below which it does not, in all claims: the base case has 1.17."""
 
-Text = Annotated[str, Field(min_length=1)]
+Line = Annotated[str, AfterValidator(lambda text: " ".join(text.split()))]  # a cell of a table
+Text = Annotated[Line, Field(min_length=1)]
 Values = dict[str, Any]  # of axes of a sweep, by dotted key
 Law = Literal["Weibull", "gamma", "log-normal"]  # a distribution of T_sync
 
@@ -164,18 +165,18 @@ class Claim(ConfigModel):
     id: Text
     section: Text
     claim: Text  # what is claimed, in our words
-    quote: str = ""  # the sentence that claims it, word for word; what is left out is marked by `...`
+    quote: Line = ""  # the sentence that claims it, word for word; what is left out is marked by `...`
     line: Annotated[WholeNumber, Field(ge=1)] | None = None  # line of the sentence in the text
     quantifier: str = ""  # how much the sentence claims: always, some, only if
-    source: str = ""  # paper whose result the sentence quotes
+    source: Line = ""  # paper whose result the sentence quotes
     sweep: str | None = None  # name of the sweep that all its checks are asked of, but those of formulas
     checks: tuple[Check, ...] = ()
     reading: str = ""  # what of its tests is ours: then they decide about our reading, and not about the claim
     otherwise: str = ""  # reading of the text that would change the verdict
     changed: str = ""  # what of its tests was changed after first results, and why
-    identity: str = ""  # why it cannot fail
-    no_claim: str = ""  # why there is nothing to test
-    not_asked: str = ""  # why it is not asked
+    identity: Line = ""  # why it cannot fail
+    no_claim: Line = ""  # why there is nothing to test
+    not_asked: Line = ""  # why it is not asked
 
     @property
     def untested(self) -> str:

@@ -5,6 +5,7 @@ a sweep; and a figure for each claim: the curves that its tests look at.
 """
 
 import math
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -127,8 +128,8 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     """
     answers, file = contents.answers, contents.file
     names = [] if contents.has_all else [answer.claim.id for answer in answers]
-    asked = [] if file is None else [f"--claims {file}"]
-    command = " ".join(["epuck-sim replicate", *names, *asked, f"--out {contents.folder}"])
+    asked = [] if file is None else ["--claims", str(file)]
+    command = shlex.join(["epuck-sim", "replicate", *names, *asked, "--out", str(contents.folder)])
     counts = Counter(answer.verdict for answer in answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
@@ -155,13 +156,12 @@ def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
     """Return a row of the table, with a link to what explains the verdict, or else to the figure."""
     claim = answer.claim
     said = f'"{claim.quote}"' if claim.quote else claim.claim
-    ours = claim.untested
-    if not ours:
+    ours, is_explained = claim.untested, answer.verdict in EXPLAINED
+    if is_explained or not ours:  # an identity may be contradicted
         first = _decisive(answer)[0]
         check = first.check
         ours = f"{(check.number or check.test).replace('_', ' ')} {_found(first)}"
     ours = escaped(ours)
-    is_explained = answer.verdict in EXPLAINED
     if claim.id in pictures and not is_explained:
         ours = f"[{ours}]({pictures[claim.id]})"
     name = f"[{claim.id}](#{claim.id.lower()})" if is_explained else claim.id
@@ -203,7 +203,7 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
     yield escaped("\n".join(lines))
     if claim.id in pictures:
         yield f"![{claim.id}]({pictures[claim.id]})"
-    for heading, text in (("Ours:", claim.reading), ("Would change it:", claim.otherwise)):
+    for heading, text in (("Why:", claim.identity), ("Ours:", claim.reading), ("Would change it:", claim.otherwise)):
         if text:
             yield escaped(f"{heading} {text}")
 

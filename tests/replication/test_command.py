@@ -110,6 +110,19 @@ def test_the_same_command_runs_nothing_again_and_chosen_claims_have_a_page_of_th
     assert not (folder / "chosen-sweeps.csv").exists()
 
 
+def test_texts_of_several_lines_are_cells_names_with_blanks_are_quoted_and_an_identity_that_fails_has_its_number(
+    tmp_path,
+) -> None:
+    sums = {"sweep": None, "quote": "One line\nand another\n", "identity": "A\ndefinition"}
+    file = write_claims(tmp_path, [claim("A6", {"test": "formula", "number": "sigma_b", "below": 2}, **sums)])
+    folder = tmp_path / "my page"
+    assert replicate(file, folder).exit_code == 0
+    page = (folder / "replication.md").read_text()
+    assert '\n[A6](#a6) | "One line and another" | sigma b 2.45 (\\<2) | contradicted\n' in page
+    assert "Why: A definition" in page
+    assert f"`epuck-sim replicate --claims {file} --out '{folder}'`" in page
+
+
 def test_the_list_runs_nothing(tmp_path) -> None:
     file = write_claims(tmp_path)
     result = call("replicate", "--claims", file, "--list", "--out", tmp_path / "out")
