@@ -390,7 +390,7 @@ def fit_measure(
 def _fit_measure(run: str, of: str, axis: str, curve: Curve) -> MeasureFit:
     head = run, of, axis, curve.axes, curve.names[0]
     usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & np.isfinite(curve.values)
-    reason = _reason_against(curve, int(np.count_nonzero(usable)))
+    reason = _reason_against(curve, usable)
     if reason:
         return MeasureFit(*head, None, None, reason)
     fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
@@ -398,17 +398,17 @@ def _fit_measure(run: str, of: str, axis: str, curve: Curve) -> MeasureFit:
     return MeasureFit(*head, find_minimum(fit), find_peak(fit), "")
 
 
-def _reason_against(curve: Curve, usable: int) -> str:
-    positive = int(np.count_nonzero(curve.x > 0))
+def _reason_against(curve: Curve, usable: BoolArray) -> str:
+    positive, left = np.count_nonzero(curve.x > 0), np.count_nonzero(usable)
     if curve.is_share:
         return "it is a truth value; shares of trials are not looked at in logarithms"
-    if (curve.values <= 0).any() or (curve.resampled <= 0).any():
+    if (curve.values[usable] <= 0).any() or (curve.resampled[:, usable] <= 0).any():
         return "not all of its values are positive, and it is looked at in logarithms"
     if positive < MIN_SPEEDS:
         return f"{positive} positive values of the axis; a minimum and a peak take {MIN_SPEEDS}"
-    if usable < MIN_SPEEDS:
+    if left < MIN_SPEEDS:
         return (
-            f"fewer than {MIN_TRIALS} trials with a value at {positive - usable} of {positive} points, which noise "
+            f"fewer than {MIN_TRIALS} trials with a value at {positive - left} of {positive} points, which noise "
             f"alone makes rise; --trials {MIN_TRIALS} is the least"
         )
     return ""

@@ -427,6 +427,12 @@ def test_a_folder_has_one_for_each_curve(tmp_path):
         assert not fit.minimum.is_found
 
 
+def test_what_is_0_where_nothing_moves_is_no_reason_against_it(tmp_path):
+    folder = folder_of(tmp_path, lambda x, random: bump(x, random) if x else 0.0, **{SPEED: [0.0, *PLACES.tolist()]})
+    (fit,) = fit_measure(folder, "near_walls")
+    assert fit.peak.places[0].estimate.value == pytest.approx(10**0.3, rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("law", "trials", "said"),
     [
