@@ -83,6 +83,8 @@ TESTS = {
 }
 """All tests; `verdicts.EFFECTS` has what they find."""
 
+OF_T_SYNC = ("weibull_ratio", "place_exponent")  # tests of T_sync alone
+
 
 class Check(ConfigModel):
     """A test of a claim, with one of its predictions, and the keys that it takes."""
@@ -118,7 +120,7 @@ class Check(ConfigModel):
             if (given := getattr(self, key)) not in known:
                 raise ValueError(f"{key}: {did_you_mean(given, known)}; allowed: {comma_list(known)}")
         takes = TESTS[self.test].takes
-        others = () if self.test == "formula" else ("where", "of", "take")
+        others = {"formula": (), **dict.fromkeys(OF_T_SYNC, ("where",))}.get(self.test, ("where", "of", "take"))
         rises = ("rises",) if self.test in ("ratio", "largest_rise") else ()
         for key in type(self).model_fields:
             is_given = key in self.model_fields_set
