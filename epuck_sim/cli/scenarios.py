@@ -170,7 +170,8 @@ def _write_new(kind: str, name: str) -> None:
     file = f"{name}{new.ending}"
     from epuck_sim.control.interface import Sensors
 
-    is_module = kind != "scenario" and (name in sys.stdlib_module_names or find_spec(name) is not None)
+    may_clash = is_name and kind != "scenario"
+    is_module = may_clash and (name in sys.stdlib_module_names or find_spec(name) is not None)
     reject_first(
         (not is_name, f"{name!r} is no name for a {kind}; allowed: {letters}, such as {new.example}"),
         (kind == "sensor" and name in Sensors._fields, f"{name!r} is sensed by all robots; give another name"),
