@@ -360,6 +360,14 @@ def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(fore
     assert not (tmp_path / "was-run").exists()
 
 
+def test_claims_of_a_folder_run_no_code_that_is_not_trusted(foreign: Path, tmp_path: Path) -> None:
+    claims = tmp_path / "claims.yaml"
+    claim = '{id: A, section: "9", claim: so, sweep: s, checks: [{test: share, above: 0.5}]}'
+    claims.write_text(f"sweeps: {{s: {{scenario: {foreign}}}}}\nclaims: [{claim}]")
+    assert "brings code that you have not run" in refused("replicate", "--claims", claims, "--out", tmp_path / "out")
+    assert not (tmp_path / "was-run").exists()
+
+
 @pytest.mark.parametrize("command", ["run", "plan", "replay --point 0 --trial 0 --interpret"])
 def test_what_runs_a_folder_asks_for_trust_once(foreign: Path, tmp_path: Path, monkeypatch, command: str) -> None:
     monkeypatch.chdir(tmp_path)
