@@ -229,16 +229,20 @@ class Claims(ConfigModel):
 
 
 def read_claims(path: Path = SHIPPED) -> Claims:
-    """Read claims from a YAML file, those of the thesis by default.
+    """Read claims from a YAML file, those of the thesis by default; files of scenarios may lie beside it.
 
     Raises:
         EpuckSimError: The file cannot be read, or is wrong; the message names the file, the key and what is allowed.
     """
     given = read_yaml(path)
     try:
-        return Claims.model_validate(given)
+        claims = Claims.model_validate(given)
     except ValidationError as error:
         raise EpuckSimError(_message(path, given, error)) from error
+    beside = {name: path.parent / asked.scenario for name, asked in claims.sweeps.items()}
+    found = {name: {"scenario": str(file)} if file.is_file() else {} for name, file in beside.items()}
+    sweeps = {name: asked.model_copy(update=found[name]) for name, asked in claims.sweeps.items()}
+    return claims.model_copy(update={"sweeps": sweeps})
 
 
 def _message(path: Path, given: Any, error: ValidationError) -> str:
