@@ -79,7 +79,8 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
             raise EpuckSimError(f"{origin}: {said}; axes with numbers: {comma_list(numbers)}")
         return requested
     if not numbers:
-        raise EpuckSimError("there is no axis with numbers to draw T_sync against; --form violins has names")
+        names = "; plot --form violins has names" if rows[0] else ""
+        raise EpuckSimError(f"there is no axis with numbers to draw T_sync against{names}")
     return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
 
 
@@ -107,7 +108,7 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
     """Check that what a scenario's section `figure` names are axes of its sweep."""
     if figure.x is None and figure.y is None and figure.panels is None and not figure.base_case:
         return
-    x = choose_axis(rows, figure.x, "figure.x")
+    x = choose_axis(rows, figure.x, "figure.x", by_name=figure.form == "violins")
     if figure.y is not None:
         choose_second_axis(rows, x, figure.y, "figure.y")
     check_panels(rows, x, figure.panels, "figure.panels")

@@ -22,7 +22,7 @@ from epuck_sim.figures.style import choose_looks, count_trials
 from epuck_sim.figures.sweep_figure import read_form
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import FigureSection
+from epuck_sim.scenario.axes import FigureSection, check_figure_axes
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import Measured, estimate_weibull_mean
 from epuck_sim.trial.model import simulate
@@ -479,6 +479,7 @@ def test_a_sweep_over_files_has_violins_by_their_names() -> None:
     made = in_memory(sweep({SPEED: [1, 2]}), lambda point: weibull(point, 100 + point.number))
     for others, options in (({}, {}), ({COUNT: 5}, {"form": "violins", "x": key})):
         points = [point._replace(axes={key: file, **others}) for point, file in zip(made, files, strict=True)]
+        check_figure_axes(FigureSection(form="violins", x=key), [point.axes for point in points])  # it may be asked for
         form = read_form(points, options)
         assert isinstance(form, Violins)
         (panel,) = laid_out(form.draw_figure()).axes
