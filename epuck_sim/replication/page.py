@@ -26,6 +26,7 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, choose_axis
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.messages import counted
 
 ALL, SOME = "replication", "chosen"
 """Stem of the page's name: of all claims, and of some, so that one does not overwrite the other."""
@@ -135,7 +136,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
     count = sum(each.check.test != "formula" for answer in answers for each in answer.checks)
     yield f"# Replication{' of the thesis' * (file is None)}, claim by claim"
-    yield f"{len(answers)} claims: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
+    yield f"{counted(len(answers), 'claim')}: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
     looked = f"Each sweep was looked at up to {contents.looks} times, for which p is corrected, too."
     rules = [f"{RULES}{count}.", looked if contents.looks > 1 else "", contents.claims.pooled]
     yield escaped(" ".join(filter(None, rules)))
