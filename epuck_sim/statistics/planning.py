@@ -55,7 +55,8 @@ class TrialPlan(NamedTuple):
             why = "are censored at their limit" if is_limited else "have one value, or no share can differ by so much"
             said = f"No number of trials shows {wanted}: all {why}."
         else:
-            said = f"No point has the {MIN_TRIALS} trials that its spread takes; run again with --trials 20 or more."
+            of = "" if self.of is None else f" with a value of {self.of}"
+            said = f"No point has {MIN_TRIALS} trials{of}, which its spread takes; run again with --trials 20 or more."
         over_all = f"Over all points together, if all differ alike: {self.over_all} at each."
         return [said, *[over_all] * (self.over_all is not None)]
 
