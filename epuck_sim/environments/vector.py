@@ -216,6 +216,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         if self._reward is synchrony and not self._oscillators_exist:
             raise ScenarioError(f"{first.scenario.name}: {NO_PHASES}")
         self.control_steps = whole("control_steps", control_steps)
+        self._shares = [range(share, self.swarms, threads) for share in range(min(threads, self.swarms))]
         self._arrange()
         if not isinstance(episode_s, int | float | np.number) or not episode_s >= first.step_s:
             raise ValueError(f"episode_s is {episode_s!r}; allowed: at least a control step, {first.step_s:g} s")
@@ -225,11 +226,10 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self._episodes = [-1] * self.swarms
         self._watches: dict[int, SynchronyWatch] = {}
         self._is_over = np.ones(self.swarms, np.bool_)
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
-        self._shares = [range(share, self.swarms, threads) for share in range(min(threads, self.swarms))]
 
     def _arrange(self) -> None:
-        """Find all swarms in memory, for compiled code, and make copies of them side by side."""
+        """Find all swarms in memory, for compiled code, make copies of them side by side, and open the threads."""
+        self._pool = ThreadPoolExecutor(len(self._shares)) if len(self._shares) > 1 else None
         step = self.simulations[0].last_step
         swarm, scenario = step.scene.swarm, self.simulations[0].scenario
         needs_python = scenario.schedule or scenario.faults or swarm.scene[0].moved_publicly
@@ -245,7 +245,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         """Refuse copies in the middle of an episode: a simulation's copy does not repeat the actions of agents."""
         if any(simulation.steps > 1 for simulation in self.simulations):
             raise ValueError("an episode is under way, of which there is no copy; copy it before its first step")
-        return vars(self)
+        return {**vars(self), "_pool": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take the state of another one, whose swarms are elsewhere in memory."""

@@ -84,8 +84,9 @@ def test_swarms_do_what_simulations_do(changes):
         steps = [each.advance(3) for each in alone]
 
 
-def test_a_copy_steps_swarms_of_its_own():
-    batch = vector_env(SWARM, 2, seed=7)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_copy_steps_swarms_of_its_own(threads):
+    batch = vector_env(SWARM, 2, seed=7, threads=threads)
     copy = pickle.loads(pickle.dumps(batch))
     rows, _ = copy.reset()
     np.testing.assert_array_equal(batch.reset()[0], rows)
