@@ -329,7 +329,8 @@ def with_defaults(owner: str, given: Mapping[str, object], defaults: Mapping[str
 
 
 def typed(name: str, given: object, default: _Parameter) -> _Parameter:
-    """Return `given` converted to the default's type."""
+    """Return `given`, which may be one of numpy's numbers, converted to the default's type."""
+    given = given.item() if isinstance(given, np.generic) else given
     kind, allowed = next((kind, allowed) for kind, allowed in _ALLOWED.items() if isinstance(default, kind))
     if kind in (bool, str) or isinstance(given, bool) or not isinstance(given, int | float):
         fits = kind in (bool, str) and isinstance(given, kind)

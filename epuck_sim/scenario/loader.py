@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, overload
 
+import numpy as np
+
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.measures.measure import find_measure
@@ -295,7 +297,7 @@ def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, 
     if isinstance(source, Scenario):
         return source.model_dump(mode="json"), source.name, None
     if isinstance(source, Mapping):
-        return dict(source), "scenario", None
+        return _plain(source), "scenario", None
     path = find_scenario(str(source))
     given = read_yaml(path)
     if given is None:
@@ -304,6 +306,17 @@ def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, 
         raise ScenarioError(f"{path}: is {short_repr(given)}; a scenario is a mapping of keys to values")
     place = SCENARIO.at(path)
     return {"name": path.stem, **given}, place.name if place.package else str(path), path.parent
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as a file would have it, where a program gives numpy's numbers, or paths."""
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return list(map(_plain, value))
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return str(value) if isinstance(value, Path) else value
 
 
 def _choose_version(given: Mapping[str, Any], origin: str, folder: Path | None, *, quick: bool) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -40,6 +41,20 @@ def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_
     assert scenario == load_scenario(str(tmp_path / "scene.yaml"))
     group = scenario.robots[0]
     assert (scenario.name, group.controller, group.parameters) == ("scene", str(tmp_path / "mine.py"), {"pace": 2.0})
+
+
+def test_numbers_of_numpy_and_paths_are_taken_as_a_file_would_have_them(tmp_path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(with_step("pass").replace("{}", "{'gain': 1.0}"))
+    group = {"controller": path, "poses": np.array([[9.0, 9.0, 0.0]]), "parameters": {"gain": np.int64(2)}}
+    grid = {"arena.width_cm": [*np.arange(60, 62)], "robots.0.parameters.gain": np.float32([2, 0.5])}
+    found = points({"robots": [group], "sweep": {"grid": grid}})
+    plain = {key: np.array(values).tolist() for key, values in grid.items()}
+    group = {"controller": str(path), "poses": [[9.0, 9.0, 0.0]], "parameters": {"gain": 2.0}}
+    assert repr(found) == repr(points({"robots": [group], "sweep": {"grid": plain}}))
+    simulation = Simulation("thesis")
+    simulation.set_parameters(speed_cm_s=np.int64(3))
+    assert simulation.advance(1).wheels_cm_s.max() == 3
 
 
 def test_set_changes_one_value_later_settings_win_and_the_original_stays() -> None:
