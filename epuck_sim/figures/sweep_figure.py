@@ -81,7 +81,9 @@ def read_form(
 
     In messages the names of options begin with `prefix`.
     """
-    given_results = [results] if isinstance(results, Path | str) else results
+    given_results = [results] if isinstance(results, Path | str) else list(results)
+    if not given_results:
+        raise EpuckSimError("there is nothing to draw: no run folder and no point is given")
     folders = [each for each in given_results if isinstance(each, Path | str)]
     points = [each for each in given_results if isinstance(each, PointTrials)] or _read_folders(folders, of, names)
     folder = str(folders[0]) if folders else "the scenario"

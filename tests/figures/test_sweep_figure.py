@@ -151,6 +151,7 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
 def test_what_does_not_fit_is_refused_in_words() -> None:
     for draw, message in [
         (lambda: figures.plot(POINTS, form="violins", ax=Figure().subplots()), "has 2 panels, but ax is 1 Axes"),
+        (lambda: figures.plot(each for each in POINTS if each.number > 99), "no run folder and no point is given"),
         (lambda: figures.plot(POINTS, form="pie"), "figure.form: is 'pie'; allowed: 'curves', 'map'"),
         (lambda: figures.plot(POINTS, width=3), "figure.width: unknown 'width', did you mean 'width_cm'"),
         (lambda: figures.plot(SIGNED, scale="log"), "--log: mine has values that are not positive, such as -1"),
