@@ -202,6 +202,9 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 f"{first.scenario.name}: robots come or go, or walls move; allowed in environments: neither, as "
                 "observations and rewards take the robots and the arena to be those of the start"
             )
+        for number, entry in enumerate(first.scenario.schedule):
+            if entry.at_s is None:  # what trials alone carry out
+                raise ScenarioError(f"{first.scenario.name}: schedule.{number}: has no at_s; environments need one")
         self.simulations = [first, *(Simulation(first.scenario) for _ in range(self.swarms - 1))]
         self.spaces = AgentSpaces(first, discrete=actions == "discrete")
         self.agents = len(self.spaces.robots)

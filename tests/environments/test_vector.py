@@ -151,6 +151,10 @@ def test_swarms_and_arenas_that_change_are_refused():
     ):
         with pytest.raises(ScenarioError, match="robots come or go, or walls move; allowed in environments: neither"):
             vector_env({**SWARM, **changes}, 2)
+    for moment in ({"at_cycle": 1}, {"when": "order_parameter > 0.5"}):
+        schedule = [{"displace": {"by_cycles": 0.5}, **moment}]
+        with pytest.raises(ScenarioError, match=r"schedule\.0: has no at_s; environments need one"):
+            vector_env({"robots": [{"controller": "external_wheels"}], "schedule": schedule}, 2)
 
 
 @pytest.fixture
