@@ -433,7 +433,7 @@ def _commanded(simulation: Simulation) -> Simulation:
     """Return the simulation, or one in which all robots are driven from outside, if none is."""
     if len(simulation.external_wheels) or len(simulation.external_rings):
         return simulation
-    commanded = {"controller": "external", "parameters": {}}
+    commanded = {"controller": "external", "parameters": {}, "memory": {}}
     groups = tuple(group.model_copy(update=commanded) for group in simulation.scenario.robots)
     return Simulation(simulation.scenario.model_copy(update={"robots": groups}), simulation.seed)
 

@@ -35,11 +35,11 @@ def test_pettingzoos_tests_pass(scenario, reward, actions):
         parallel_seed_test(make, num_cycles=15)
 
 
-@pytest.mark.parametrize("name", ["thesis", "kilobots"])
-def test_where_no_robot_is_driven_from_outside_all_are_commanded(name):
-    env = parallel_env(name, seed=4)
+@pytest.mark.parametrize("scenario", ["thesis", "kilobots", {"robots": [{"memory": {"phase_ms": 9}}]}])
+def test_where_no_robot_is_driven_from_outside_all_are_commanded(scenario):
+    env = parallel_env(scenario, seed=4)
     env.reset()
-    assert len(env.agents) == load_scenario(name).population
+    assert len(env.agents) == load_scenario(scenario).population
     env.step({agent: np.array([1, -1, 1], np.float32) for agent in env.agents})
     assert env.state()[:, 3].all()  # rings are lit
 
