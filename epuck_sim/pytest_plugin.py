@@ -1,6 +1,6 @@
 """A fixture for tests of controllers, which pytest finds where epuck-sim is installed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +14,17 @@ if TYPE_CHECKING:  # every run of pytest loads this module
 def make_robot(request: pytest.FixtureRequest) -> "Callable[..., TestRobot]":
     """Return `epuck_sim.testing.TestRobot`; a test that uses it runs twice, interpreted and compiled.
 
-    A controller's file is looked for beside the test's file first, then in the working directory.
+    Files of controllers and sensors are looked for beside the test's file first, then in the working directory.
     """
     from epuck_sim.testing import TestRobot  # noqa: PLC0415 it loads numba
 
-    def make(controller: str | Path, *arguments: Any, **options: Any) -> TestRobot:
-        beside = request.path.parent / controller
-        found = beside if beside.is_file() else controller
-        return TestRobot(found, *arguments, **{"interpret": request.param == "interpreted", **options})
+    def find(file: str | Path) -> str | Path:
+        beside = request.path.parent / file
+        return beside if beside.is_file() else file
+
+    def make(controller: str | Path, *arguments: Any, sensors: Sequence[str | Path] = (), **options: Any) -> TestRobot:
+        own = sensors if isinstance(sensors, str | Path) else list(map(find, sensors))  # one alone is refused
+        settings = {"interpret": request.param == "interpreted", "sensors": own, **options}
+        return TestRobot(find(controller), *arguments, **settings)
 
     return make

@@ -118,6 +118,11 @@ def test_a_robot_faces_a_wall_or_a_robot_that_is_lit_or_dark_at_the_given_distan
     assert lit.poses[1, 0] - lit.poses[0, 0] == pytest.approx(20 + 2 * 3.7)
 
 
+def test_the_fixture_finds_controllers_and_sensors_beside_the_test(make_robot):
+    robot = make_robot("../controllers/firmware/firefly.c", sensors=["../plugins/darkness/darkness/ground.py"])
+    assert dir(robot.readings) == ["darkness"]
+
+
 def test_the_plugin_is_named_in_the_package_and_loads_nothing_heavy():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     name = project["entry-points"]["pytest11"]["epuck_sim.pytest_plugin"]
