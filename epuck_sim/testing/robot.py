@@ -150,7 +150,7 @@ class TestRobot:
         swarm.scene[0].serving = -1
         robots.wheel_limit_cm_s, robots.wheel_base_cm = wheels
         swarm.groups.count, swarm.groups.pixels = 1, pixels
-        robots.present, robots.random = True, robot_streams(np.random.SeedSequence(seed), 1)
+        robots.present, robots.random = True, robot_streams(np.random.SeedSequence(whole("seed", seed, 0)), 1)
         assign_bytes(swarm, 0, found, 0)
         self._senses, self._actuators = Record("sensors", robots.sensors), Record("actuators", robots.actuators)
         self._pixels = Record("sensors", swarm.pixels.view([("camera", swarm.pixels.dtype, pixels)]))

@@ -96,6 +96,9 @@ def test_arrays_of_the_wrong_shape_and_what_is_no_number_are_refused(mine):
     for name in ("step_ms", "pixels"):
         with pytest.raises(ValueError, match=f"{name} is 0; allowed: whole numbers from 1"):
             TestRobot(mine, **{name: 0})
+    for seed in (None, -1):
+        with pytest.raises(ValueError, match=f"seed is {seed}; allowed: whole numbers from 0"):
+            TestRobot(mine, seed=seed)
 
 
 def test_random_numbers_follow_from_the_seed_and_firmware_in_c_is_tested_likewise():
