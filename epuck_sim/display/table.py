@@ -50,13 +50,13 @@ class Table(NamedTuple):
     headings: Mapping[str, str] = {}  # headings of cells that are not their names with blanks for underscores
 
     def records(self) -> list[dict[str, Any]]:
-        """Return the rows as JSON holds them; where one has an estimate, those without have its three as None."""
+        """Return the rows as JSON holds them; where one has an estimate, all have three columns for it."""
         estimated = {name for row in self.rows for name, cell in row.cells.items() if isinstance(cell, Estimate)}
-        empty = dict.fromkeys(estimated, UNDETERMINED)
-        rows = [
-            row._replace(cells={name: empty.get(name) if cell is None else cell for name, cell in row.cells.items()})
-            for row in self.rows
-        ]
+
+        def whole(name: str, cell: Any) -> Any:
+            return cell if name not in estimated or isinstance(cell, Estimate) else UNDETERMINED._replace(value=cell)
+
+        rows = (row._replace(cells={name: whole(name, cell) for name, cell in row.cells.items()}) for row in self.rows)
         return [{"axes": dict(row.axes), **row.record()} for row in rows]
 
     def to_csv(self) -> str:

@@ -1,5 +1,6 @@
 """Graphs of who hears whom, chains of phases, pairs and predictions, against slow twins, closed forms and trials."""
 
+import csv
 import math
 
 import numpy as np
@@ -233,3 +234,6 @@ def test_the_command_prints_a_table_an_object_or_a_row_a_point() -> None:
     rows = read(*words, "--sweep", "speed_cm_s=1,30")["points"]
     assert [row["axes"] for row in rows] == [{"agents.speed_cm_s": 1}, {"agents.speed_cm_s": 30}]
     assert len(called(*words, "--sweep", "speed_cm_s=1,30", "--csv").splitlines()) == 3
+    lines = list(csv.reader(called(*words, "--csv").splitlines()))
+    assert {tuple(line[2:]) for line in lines if line[0] == "link lasts"} == {("", "", "cm"), ("", "", "cycles")}
+    assert {len(line) for line in lines} == {5}
