@@ -209,7 +209,7 @@ def estimate_median(measured: Measured) -> Estimate:
     """Return the median with its interval; no interval below `MIN_TRIALS` trials, or where all have one value."""
     shift = _shift(measured)
     median, low, high = (end + shift for end in median_time(measured.values - shift, measured.observed))
-    if math.isinf(median):
+    if math.isinf(median) or measured.censored >= MOST_CENSORED:
         return UNDETERMINED
     return Estimate(median, low, high) if measured.supports_interval else Estimate(median)
 

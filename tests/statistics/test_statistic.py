@@ -52,6 +52,13 @@ def test_uncensored_the_mean_is_the_samples_and_the_interval_students_of_its_log
     assert not estimate_mean(measured([0.1] * len(values))).has_interval  # whose standard deviation rounds to 1e-17
 
 
+def test_the_last_trial_at_risk_is_no_median_of_trials_most_of_which_ran_out_of_time_before() -> None:
+    ends = np.array([5, 6, 7, 8, 9, 10])
+    assert estimate_median(measured(ends, ends == 10, 100)) == UNDETERMINED
+    assert estimate_median(measured(ends, ends > 7, 100)) == UNDETERMINED
+    assert estimate_median(measured(ends, ends > 6, 100)).value == 8.5
+
+
 @given(values_of_trials, st.floats(-1e6, 0))
 def test_where_values_are_not_positive_the_interval_is_students_own(values, shift) -> None:
     shifted = np.array(values) + shift - min(values)
