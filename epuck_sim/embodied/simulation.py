@@ -470,26 +470,34 @@ class Simulation:
             EpuckSimError: It cannot be compiled, raises, or does not fit; then the old one goes on.
             ValueError: There is no such group.
         """
+        return self.replace_controllers([group], controller)[0]
+
+    def replace_controllers(self, groups: list[int], controller: Controller) -> list[Replaced]:
+        """Do what `replace_controller` does in several groups, or in none of them where one refuses it."""
+        before = dict(vars(self))
+        try:
+            return [self._replace(group, controller) for group in groups]
+        except BaseException:
+            vars(self).update(before)
+            self._world.use(self._block, self._swarm, self._loop.addresses)
+            raise
+
+    def _replace(self, group: int, controller: Controller) -> Replaced:
         old, origin = self._group(group), f"{self.scenario.name}: robots.{group}"
         check_alike(old.controller, controller)
         now, at_first = (
             parameters_for(controller, old.controller, record, self._step_ms, origin)
             for record in (old.parameters[0], self._first_parameters[group][0])
         )
-        before = dict(vars(self))
         first_parameters = list(self._first_parameters)
         first_parameters[group] = controller.parameter_record(at_first)
-        try:
-            controllers = [controller if each is old else each.controller for each in self._groups]
-            self._block, self._swarm, _ = make_swarm_block(self.scenario, controllers, self._own_sensors)
-            self._build(controllers, first_parameters)
-            replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
-        except BaseException:
-            vars(self).update(before)
-            self._world.use(self._block, self._swarm, self._loop.addresses)
-            raise
+        controllers = [controller if each is old else each.controller for each in self._groups]
+        block, arena = self._block, self._arena
+        self._block, self._swarm, _ = make_swarm_block(self.scenario, controllers, self._own_sensors)
+        self._build(controllers, first_parameters)
+        replaced = replace_controller(block, self._block, group, old, self._groups[group], now)
         self._has_replaced = True
-        self._show(before["_arena"])
+        self._show(arena)
         return replaced
 
     # --- snapshots ------------------------------------------------------------------------------------

@@ -151,7 +151,7 @@ class ControllerFiles:
             new = load_controller(path)
             if new.sources == old.sources:
                 return
-            replaced = [self._simulation.replace_controller(group, new) for group in groups]
+            replaced = self._simulation.replace_controllers(groups, new)
         except (EpuckSimError, OSError) as error:
             self._announce(f"{error}; the old one goes on")
             return

@@ -166,6 +166,24 @@ def test_a_file_that_is_saved_is_taken_at_the_next_look_and_told_in_a_line(tmp_p
     assert next(simulation).memories[0]["steps"].tolist() == [111] * 3
 
 
+def test_a_file_that_one_of_its_groups_refuses_is_taken_by_none(tmp_path) -> None:
+    path, said = tmp_path / "mine.py", []
+    save(path, source())
+    groups = [{"count": 2, "controller": str(path), "parameters": {"speed_cm_s": speed}} for speed in (5.0, 1.0)]
+    simulation, twin = (Simulation(load_scenario({"robots": groups}), seed=1) for _ in range(2))
+    files = ControllerFiles(simulation, said.append)
+    simulation.advance(10)
+    twin.advance(10)
+    slow = "def check(parameters):\n    if parameters.speed_cm_s < 2:\n        raise ValueError('too slow')\n"
+    save(path, source(rise="100") + slow)
+    look(files)
+    assert len(said) == 1
+    assert said[0].endswith("robots.1.parameters: too slow; the old one goes on")
+    for _ in range(5):
+        assert bits(next(simulation)) == bits(next(twin))
+    assert simulation.snapshot().steps == 15
+
+
 def test_files_that_are_imported_are_watched_too_even_new_ones(tmp_path) -> None:
     path = tmp_path / "mine.py"
     simulation, files, said = watched(path)
