@@ -277,6 +277,13 @@ class EmbodiedScenario(Scenario):
                 f"robot {stop.reference_robot} is no oscillator, so that trials have no T_sync; they end after {ends}; "
                 "for another limit: --set stop.max_time_s=3600"
             )
+        for number, group in enumerate(() if self.sweep else self.robots):
+            least, most = group.parameters.get("flash_pixels", 0), group.camera.central_pixels or group.pixels
+            if least > most:
+                found.append(
+                    f"robots.{number}.parameters.flash_pixels is {least:g}, and {group.signal.kind} shows {most} at "
+                    "most: these robots see no flash"
+                )
         moved = {robot for entry in self.schedule for robot in entry.remove}
         for number, entry in enumerate(self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
