@@ -337,7 +337,8 @@ def typed(name: str, given: object, default: _Parameter) -> _Parameter:
     else:
         fits = abs(given) <= sys.float_info.max if kind is float else abs(given) < MAX_WHOLE and given == int(given)
     if not fits:
-        why = f", as its default, {default}, is" if kind is int else ""
+        is_large = isinstance(given, int | float) and abs(given) >= MAX_WHOLE
+        why = f", as its default, {default}, is{', from above -2^53 to below 2^53' * is_large}" * (kind is int)
         raise ValueError(f"{name} is {short_repr(given)}; allowed: {allowed}{why}")
     return cast("_Parameter", kind(given))
 
