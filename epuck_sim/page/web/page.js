@@ -82,13 +82,18 @@ class Page {
   /** Take over changed values of keys. @param {Values} changes */
   change(changes) {
     this.values = { ...this.values, ...changes };
-    const k = "neighbourhood.k", most = Math.max(1, this.values["agents.count"] - 1);
-    if (this.values[k] > most) this.values[k] = most;
-    if (this.values["neighbourhood.kind"] === "range") this.values["neighbourhood.radius_cm"] ??= this.data.facts.reach_cm;
-    if ("arena.width_cm" in changes) this.values["arena.height_cm"] = changes["arena.width_cm"];
+    this.fit();
     this.show_values();
     this.outdate();
     this.begin();
+  }
+
+  /** Have values of keys, each one of its slider's, fit the others. */
+  fit() {
+    const { values, settings } = this, k = "neighbourhood.k", most = Math.max(1, values["agents.count"] - 1);
+    if (values[k] > most) values[k] = settings.get(k).stops.filter((/** @type {number} */ stop) => stop <= most).pop();
+    if (values["neighbourhood.kind"] === "range") values["neighbourhood.radius_cm"] ??= this.data.facts.reach_cm;
+    if (settings.has("arena.width_cm")) values["arena.height_cm"] = values["arena.width_cm"];
   }
 
   /** Say of figures of many trials that something has been changed since. */
@@ -341,7 +346,7 @@ class Page {
       if (key === "seed" && /^\d{1,40}$/.test(text)) this.seed = BigInt(text);
       else if (value !== undefined) this.values[key] = value;
     }
-    if ("arena.width_cm" in this.values && this.settings.has("arena.width_cm")) this.values["arena.height_cm"] = this.values["arena.width_cm"];
+    this.fit();
   }
 
   write_address() {
