@@ -234,6 +234,9 @@ def test_a_link_brings_values_and_seed_back_and_a_command_runs_one_trial(opened)
     )
     browser.open(link)
     assert browser.run("[page.command, String(page.seed)]") == [command, f"{2**70 + 1}"]
+    rows = browser.run("[...document.querySelectorAll('#rows tr')].map((row) => row.textContent)")
+    listed = [row for row in rows if row.startswith("neighbourhood.")]
+    assert listed == ["neighbourhood.kindrange", "neighbourhood.radius_cm30"]  # none of another kind
     browser = opened("particles", ["agents.count=100", "neighbourhood.k=30"])
     link, command = browser.run("page.change({'agents.count': 25}), [location.href, page.command]")
     assert command.endswith("--set 'neighbourhood={kind: nearest, k: 20}' --seed 0")

@@ -362,7 +362,7 @@ class Page {
   }
 
   show_keys() {
-    const wanted = find("find").value.toLowerCase(), rows = Object.entries(this.values).filter(([key, value]) => `${key} ${value}`.toLowerCase().includes(wanted));
+    const wanted = find("find").value.toLowerCase(), rows = Object.entries(this.values).filter(([key, value]) => this.applies(this.settings.get(key) ?? {}) && `${key} ${value}`.toLowerCase().includes(wanted));
     find("rows").replaceChildren(...rows.map(([key, value]) => {
       const row = tag("tr", ""), name = tag("td", ""), cell = tag("td", value === null ? "null" : typeof value === "object" ? JSON.stringify(value) : `${value}`);
       name.append(tag("code", key));
