@@ -243,6 +243,9 @@ def test_a_link_brings_values_and_seed_back_and_a_command_runs_one_trial(opened)
     browser.leave()
     browser.open(link)
     assert browser.run("page.command") == command
+    copied = "globalThis.copied = ''; page.copy = (text) => { copied = text }; find('link').click(); copied"
+    browser.run("for (let each = 0; each < 300; each++) page.take_seed(page.seed + 1n)")  # more than an address takes
+    assert "#seed=300&" in browser.run(copied)
 
 
 @pytest.mark.parametrize(("scenario", "limit"), [("thesis", 12.8), ("pair", 12.8), ("kilobots", 1.0)])

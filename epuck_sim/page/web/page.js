@@ -47,6 +47,7 @@ class Page {
     this.show_settings();
     this.show_keys();
     find("counted").hidden = !data.facts.has_cycles;
+    find("link").hidden = location.protocol === "about:"; // a frame in a notebook
     this.has_t_sync = data.facts.has_cycles && data.facts.order_parameter !== null;
     for (const id of ["many", "csv"]) find(id).hidden = !this.has_t_sync;
     this.listen();
@@ -349,13 +350,17 @@ class Page {
     this.fit();
   }
 
-  write_address() {
+  /** What a link says of the page. */
+  get hash() {
     const changed = [...this.settings.values()].filter((each) => this.values[each.key] !== each.value).map((each) => [each.key, `${this.values[each.key]}`]);
-    const hash = new URLSearchParams([["seed", `${this.seed}`], ...changed]);
+    return `#${new URLSearchParams([["seed", `${this.seed}`], ...changed])}`;
+  }
+
+  write_address() {
     try {
-      history.replaceState(null, "", `#${hash}`);
+      history.replaceState(null, "", this.hash);
     } catch {
-      find("link").hidden = true; // a frame in a notebook has no address
+      // of a frame in a notebook; and browsers refuse hundreds of changes in a few seconds
     }
     find("seed").value = `${this.seed}`;
     find("command-is").textContent = this.command;
@@ -479,7 +484,7 @@ class Page {
     const pressed = {
       play: () => this.toggle(), step: () => this.step(), again: () => this.begin(), next: () => this.take_seed(this.seed + 1n),
       defaults: () => this.change({ ...this.data.values }), hundred: () => this.hundred(), sweep: () => this.sweep(), stop: () => this.trials.stop(),
-      link: () => this.copy(location.href, location.protocol === "file:" ? "The link, for this computer alone," : "The link"), command: () => this.copy(this.command, "The command"),
+      link: () => this.copy(location.href.split("#")[0] + this.hash, location.protocol === "file:" ? "The link, for this computer alone," : "The link"), command: () => this.copy(this.command, "The command"),
       yaml: () => save("scenario.yaml", toYaml(this.nested())), csv: () => save("trials.csv", this.csv()), svg: () => save("swarm.svg", this.svg()),
     };
     for (const [id, what] of Object.entries(pressed)) find(id).onclick = what;
