@@ -180,6 +180,10 @@ def test_a_page_opens_from_disk_without_network_and_without_complaint(opened, na
     browser = opened(name)
     for control in ("step", "again", "next", "play"):
         browser.run(f"find('{control}').click()")
+    key = "dispatchEvent(new KeyboardEvent('keydown', {{ key: '{}', bubbles: true }}))"
+    for control in ("play", "slider-0", "arena"):  # what was pressed last keeps no keys from the page
+        browser.run(f"find('{control}').{key.format('n')}")
+    assert browser.run(f"find('seed').{key.format('n')}, find('play').{key.format(' ')}, String(page.seed)") == "4"
     browser.run("find('hundred').click(); find('stop').click(); logTicks(0, 1); logTicks(1, Infinity)")
     assert browser.run("[12.345, 0.0123, 1234.5, 98765].map(rounded)") == ["12.3", "0.0123", "1230", "98,800"]
     browser.run("page.chosen = 2; page.show_one(); page.touch(() => page.swarm.put(2, 20, 20)); page.draw()")

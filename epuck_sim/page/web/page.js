@@ -497,7 +497,8 @@ class Page {
     };
     document.addEventListener("keydown", (event) => {
       const { target, key } = event, id = { " ": "play", ".": "step", r: "again", n: "next" }[key.toLowerCase()];
-      if (!id || event.ctrlKey || event.metaKey || event.altKey || /INPUT|SELECT|BUTTON/.test(/** @type {Element} */ (target).tagName)) return;
+      const taken = `select, [type=text], [type=search]${id === "play" ? ", button" : ""}`;
+      if (!id || event.ctrlKey || event.metaKey || event.altKey || /** @type {Element} */ (target).matches(taken)) return;
       event.preventDefault();
       pressed[id]();
     });
