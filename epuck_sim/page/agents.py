@@ -2,11 +2,12 @@
 
 import base64
 import math
+from dataclasses import replace
 from typing import Any
 
 from epuck_sim import elementary
 from epuck_sim.page.roots import CURVE
-from epuck_sim.page.settings import Setting, fields_of, refuse, stops
+from epuck_sim.page.settings import Setting, allowed, fields_of, refuse, stops
 from epuck_sim.particles import neighbours
 from epuck_sim.particles.initial_conditions import rules_of
 from epuck_sim.particles.oscillators import BRANCHES, FLAT
@@ -18,6 +19,7 @@ ANGLE_STEP_DEG = 5  # between the angles of cones on a slider: their sines are m
 REACH_CM = 30  # that a page begins with where the scenario has none
 RANDOM_NUMBERS = "is drawn for each agent by numpy, which pages do not have"
 CONES = "cone_of_vision cone_of_emission"
+_CHECKED = ("agents.speed_cm_s", "response.coupling", "clocks.period_s", "space.side_cm")
 _KINDS = ("nearest", "random", "all", "range", "cone_of_vision", "cone_of_emission")
 
 CALL_NAMES = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]  # what a swarm calls by an address
@@ -130,7 +132,10 @@ def agents_settings(scenario: ParticleScenario) -> list[Setting]:
         counts = [each for each in stops(1, 10, step=1, also=larger) if each > scenario.stop.reference]
         settings.insert(0, Setting("agents.count", "agents", "", tuple(counts), count, 20))
         settings.append(Setting("space.side_cm", "side of the space", "cm", sides, side_cm, 100.0))
-    return settings
+    return [
+        replace(each, stops=allowed(scenario, each.key, each.stops)) if each.key in _CHECKED else each
+        for each in settings
+    ]
 
 
 def _only(kinds: str) -> tuple[str, str]:

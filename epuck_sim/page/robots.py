@@ -23,7 +23,7 @@ from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
 from epuck_sim.embodied.user_code import OwnSensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.page.roots import own_controllers, own_sensors, shipped_root
-from epuck_sim.page.settings import Setting, fields_of, refuse, stops
+from epuck_sim.page.settings import Setting, allowed, fields_of, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import with_values
 from epuck_sim.scenario.robot_kind import cell_cm
@@ -222,8 +222,8 @@ def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario, counts
         if isinstance(own, float):
             key, known = f"robots.0.parameters.{name}", found if of_base is None else (*found, of_base)
             most = scenario.group_kinds[0].wheel_limit_cm_s if name == "speed_cm_s" else math.inf
-            fitting = {value for value in known if value <= most and _is_allowed(scenario, key, value)}
-            settings.append(Setting(key, label + whose, unit, tuple(sorted({own, *fitting})), own, of_base))
+            fitting = allowed(scenario, key, sorted({own, *(value for value in known if value <= most)}))
+            settings.append(Setting(key, label + whose, unit, fitting, own, of_base))
     if group.signal.kind == "camera":
         view, of_base = group.camera.field_of_view_deg, base.camera.field_of_view_deg
         key = "robots.0.camera.field_of_view_deg"
@@ -232,11 +232,3 @@ def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario, counts
         sides = _sides(scenario)
         settings.append(Setting("arena.width_cm", "side of the arena", "cm", sides, side_cm, thesis.arena.width_cm))
     return settings
-
-
-def _is_allowed(scenario: EmbodiedScenario, key: str, value: float) -> bool:
-    """Return whether the program takes a value of a key, beside those that the others have."""
-    with suppress(ScenarioError):
-        with_values(scenario, {key: value}, scenario.name)
-        return True
-    return False

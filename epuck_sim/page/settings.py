@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import with_values
 from epuck_sim.scenario.particles import ParticleScenario
 
 Value = float | int | str | bool | None
@@ -43,6 +45,16 @@ def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] =
     rounded = [float(f"{value:.10g}") for value in found]
     numbers: set[float] = {int(value) if value.is_integer() else value for value in rounded}
     return tuple(sorted(numbers.union(also)))
+
+
+def allowed(scenario: EmbodiedScenario | ParticleScenario, key: str, values: Iterable[Value]) -> tuple[Value, ...]:
+    """Return those of the values of a key that the program takes, beside those that the others have."""
+    found: list[Value] = []
+    for value in values:
+        with suppress(ScenarioError):
+            with_values(scenario, {key: value}, scenario.name)
+            found.append(value)
+    return tuple(found)
 
 
 def refuse(scenario: EmbodiedScenario | ParticleScenario, *reasons: tuple[Any, str, str]) -> None:

@@ -260,11 +260,16 @@ def test_speeds_are_above_0_and_none_is_beyond_what_wheels_can(scenario: str, li
     assert len(set(stops)) == len(stops)
 
 
-def test_sliders_have_no_value_that_the_program_refuses() -> None:
+def test_sliders_have_no_value_that_the_program_refuses(tmp_path: Path) -> None:
     changes = ["robots.0.memory={phase_ms: 4000}", "robots.0.parameters={delay_ms: 62, flash_fraction: 0.1}"]
     settings = page_data(load_scenario("thesis", changes), "thesis")["settings"]
     stops = {each["key"].rpartition(".")[2]: each["stops"] for each in settings}
     assert (stops["period_s"][0], stops["refractory_fraction"][0]) == (4.5, 0.1)
+    (tmp_path / "steep.py").write_text(CURVE.format("0.01 * phase / coupling"))
+    changes = [f"response.curve={tmp_path / 'steep.py'}", "space.side_cm=0.01", "agents.speed_cm_s=0.5"]
+    settings = page_data(load_scenario("particles", changes), "particles")["settings"]
+    stops = {each["key"]: each["stops"] for each in settings}
+    assert (stops["response.coupling"][0], stops["agents.speed_cm_s"][-1]) == (0.01, 10)
 
 
 def test_a_page_has_as_many_robots_as_find_room() -> None:
