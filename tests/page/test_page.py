@@ -222,6 +222,13 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
     assert "do not fit" in said
     browser.run("page.change({...page.data.values}), page.advance(1)")
     assert browser.run("document.getElementById('trouble').hidden")
+    browser.run(
+        "page.swarm.kernels.has_own = true; page.swarm.kernels.functions.take_steps = () => 1; find('step').click()"
+    )
+    assert (
+        browser.run("find('trouble').textContent") == "The scenario's own code has failed; `epuck-sim run` says where."
+    )
+    assert not browser.run("find('trouble').hidden")
 
 
 @needs_browser

@@ -9,7 +9,7 @@
 /** What numba's functions return that return, or return nothing. */
 const FINE = [0, -2];
 
-/** Where the part of the memory ends that own.py gives to the module of a scenario's own files. */
+/** Where the part of the memory ends that build.py gives to the module of a scenario's own files. */
 const OWN_END = 19 * 2 ** 20;
 
 /** @typedef {[WebAssembly.Module, WebAssembly.Module | null]} Modules of the model, and of the scenario's own files */
@@ -26,6 +26,7 @@ class Kernels {
     /** @type {Map<string, number>} */
     this.addresses = new Map();
     this.result = this.take(64);
+    this.has_own = own !== null;
     if (own) this.add(own);
   }
 
@@ -69,7 +70,8 @@ class Kernels {
   /** Call a kernel. @param {string} name @param {any[]} given */
   call(name, ...given) {
     const status = this.functions[name](this.result, this.result + 32, ...given); // 32: where it says what it raises
-    if (!FINE.includes(status)) throw new Error(`the kernel ${name} has failed (${status})`);
+    if (FINE.includes(status)) return;
+    throw new Error(this.has_own ? "The scenario's own code has failed; `epuck-sim run` says where." : `the kernel ${name} has failed (${status})`);
   }
 
   /** Return the whole number that the last kernel has returned. */

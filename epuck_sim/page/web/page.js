@@ -504,6 +504,7 @@ class Page {
     });
     const again = () => [this.redraw, this.recurve].forEach((draw) => draw?.());
     window.addEventListener("resize", again);
+    window.addEventListener("error", ({ error, message }) => (complain(error ?? message), this.play(false)));
     window.addEventListener("hashchange", () => {
       this.values = { ...this.data.values };
       this.read_address();
