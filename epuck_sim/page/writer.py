@@ -5,9 +5,11 @@ import gzip
 import hashlib
 import json
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
 from html import escape
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +85,8 @@ def make_page(
 ) -> str:
     """Return the page of a scenario, whose source `epuck-sim run` takes with `key=value` settings; "" if none is it."""
     model: Model = "embodied" if isinstance(scenario, EmbodiedScenario) else "particles"
-    data = page_data(scenario, source, settings) | {"controller": controller}
+    options = [("--controller", each) for each in [controller] if each] + [("--set", each) for each in settings]
+    data = page_data(scenario, shlex.join([source, *chain.from_iterable(options)]))
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
     one = data["one"]
     policy = (
@@ -99,7 +102,7 @@ def make_page(
         "HELP": HELP.format(one=f"an {one}" if one == "agent" else f"a {one}"),
         "ONE": one,
         "SWEEP": "" if data["speed"] else "hidden",
-        "SCENARIO": escape(source),
+        "GIVEN": escape(data["given"]),
         "COMMAND": "" if source else "hidden",
         "STYLE": style,
         "DATA": _packed(gzip.compress(json.dumps(data, allow_nan=False).encode(), 9, mtime=0)),
@@ -111,10 +114,11 @@ def make_page(
     return re.sub("@([A-Z]+)@", lambda name: parts[name[1]], _joined(["page.html"]))
 
 
-def page_data(
-    scenario: EmbodiedScenario | ParticleScenario, source: str, settings: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return what a page knows of its scenario: facts of the swarm, values of all keys, and what can be changed."""
+def page_data(scenario: EmbodiedScenario | ParticleScenario, given: str) -> dict[str, Any]:
+    """Return what a page knows of its scenario: facts of the swarm, values of all keys, and what can be changed.
+
+    `given` is what commands take for it.
+    """
     if isinstance(scenario, EmbodiedScenario):
         facts = robots_facts(scenario)
         changes = robots_settings(scenario, robots_like("thesis", scenario.name), tuple(facts["swarms"]))
@@ -134,8 +138,7 @@ def page_data(
         "nested": nested,
         "settings": [asdict(each) for each in changes],
         "speed": speed and {"key": speed_key, "stops": _spread(speed)},
-        "scenario": source,
-        "sets": list(settings),
+        "given": given,
         "seed": str(scenario.seed),  # a number of JavaScript's would be rounded
         "one": one,
         "student": [student_quantile(freedom) for freedom in range(1, MOST_FREEDOM + 1)],

@@ -156,10 +156,11 @@ def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_commands_write_a_page_and_say_where_or_open_it_and_notebooks_show_it(monkeypatch, tmp_path) -> None:
-    path = tmp_path / "x.html"
-    result = call("page", "particles", "--set", "agents.count=7", "--to", path)
+    path, scenario = tmp_path / "x.html", tmp_path / "my own.yaml"
+    scenario.write_text("model: particles")
+    result = call("page", scenario, "--set", "agents.count=7", "--to", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
-    assert "epuck-sim page particles" in path.read_text()
+    assert f"epuck-sim page '{scenario}' --set agents.count=7 --set KEY=VALUE" in unescape(path.read_text())
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

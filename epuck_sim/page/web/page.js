@@ -335,10 +335,8 @@ class Page {
   }
 
   get command() {
-    const quote = (/** @type {string} */ word) => (/^[\w.=/+-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
-    const sets = this.changes().map(([key, value]) => ` --set ${quote(`${key}=${value}`)}`);
-    const controller = this.data.controller ? ` --controller ${quote(this.data.controller)}` : "";
-    return `epuck-sim run ${quote(this.data.scenario)}${controller}${this.data.sets.map((/** @type {string} */ set) => ` --set ${quote(set)}`).join("")}${sets.join("")}${this.values.trials > 1 ? " --trials 1" : ""} --seed ${this.seed}`;
+    const sets = this.changes().map(([key, value]) => ` --set ${key === "neighbourhood" ? `'${key}=${value}'` : `${key}=${value}`}`);
+    return `epuck-sim run ${this.data.given}${sets.join("")}${this.values.trials > 1 ? " --trials 1" : ""} --seed ${this.seed}`;
   }
 
   read_address() {
