@@ -431,11 +431,11 @@ class Page {
   async sweep() {
     this.results = [];
     this.play(false);
-    const { key, stops } = this.data.speed, limit = Math.min(this.values["stop.max_cycles"], SWEEP_CYCLES);
+    const { key, stops } = this.data.speed, limit = Math.min(this.values["stop.max_cycles"], SWEEP_CYCLES), { max_time_s } = this.data.facts;
     const points = stops.map((/** @type {number} */ speed) => ({ ...this.values, [key]: speed, "stop.max_cycles": limit }));
     await this.run(points, 30, (results) => {
       const curve = stops.map((/** @type {number} */ speed, /** @type {number} */ each) => ({ speed, ...estimate(results[each], limit, this.data.student) }));
-      this.caption("curve", `${this.results.length} of ${30 * stops.length} trials, 30 at each speed, censored after ${limit} cycles; bars are 95 % intervals.`);
+      this.caption("curve", `${this.results.length} of ${30 * stops.length} trials, 30 at each speed, censored after ${limit} cycles${max_time_s === null ? "" : ` or ${max_time_s} s`}; bars are 95 % intervals.`);
       this.recurve = () => drawCurve(new CanvasPen(find("curve")), curve, this.values[key], colours());
       this.recurve();
       const table = curve.map((/** @type {any} */ each) => `<tr><td class="number">${each.speed}</td><td class="number">${each.mean ? rounded(each.mean) : "–"}</td><td>${each.low ? `${rounded(each.low)} to ${rounded(each.high)}` : "–"}</td></tr>`);
