@@ -234,12 +234,12 @@ def flash_columns(track: Track, robots: Robots) -> Columns:
 
 def trace_columns(track: Track, robots: Robots) -> Columns:
     """Return a table with a row for each robot in each frame, whose columns a trace of a simulation has, too."""
-    times_s, who = track.times_s, robots.identities.robot
+    times_s = track.times_s
     places, is_lit = _while_lit(robots, times_s)
     poses = np.full((*is_lit.shape, 3), np.nan) if robots.poses is None else robots.poses.copy()
     unread = np.isnan(poses[..., 0])
     poses[unread, :2] = places[unread]
-    shares = phase_shares(robots.flashes.onset_s, who, robots.numbers, times_s, track.period_s)
+    shares = _phases(track, robots, times_s)
     return {
         "time_s": np.repeat(times_s, len(robots.numbers)),
         "robot": np.tile(robots.numbers, len(times_s)),
@@ -258,10 +258,17 @@ def save_robots(
             write_table(path, columns(track, robots), {"film": track.film, "versions": json.dumps(versions())})
 
 
+def _phases(track: Track, robots: Robots, times_s: FloatArray) -> FloatArray:
+    """Return (times, robots) phases as `phase_shares`; flashes that the first frame shows may have begun before."""
+    onsets_s = robots.flashes.onset_s
+    has_begun = onsets_s > track.times_s[0]
+    whose = robots.identities.robot[has_begun]
+    return phase_shares(onsets_s[has_begun], whose, robots.numbers, times_s, track.period_s)
+
+
 def _order(track: Track, robots: Robots) -> FloatArray:
     """Return (flashes,) order parameters of the robots' phases at each onset."""
-    onsets_s = robots.flashes.onset_s
-    return order_of_shares(phase_shares(onsets_s, robots.identities.robot, robots.numbers, onsets_s, track.period_s))
+    return order_of_shares(_phases(track, robots, robots.flashes.onset_s))
 
 
 def _while_lit(robots: Robots, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:

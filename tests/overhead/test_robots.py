@@ -317,6 +317,16 @@ def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
     assert pair_columns(track, robots)["share"].tolist() == [1, 1, 1]
 
 
+def test_flashes_that_the_first_frame_shows_tell_no_phases() -> None:
+    track = track_of([0.0, 0.0, 0.0])
+    robots = find_robots(track)
+    phases_ms = trace_columns(track, robots)["phase_ms"].reshape(-1, 3)
+    assert np.isnan(phases_ms[track.times_s < 1]).all()
+    assert phases_ms[track.times_s == 1.5] == pytest.approx(500)
+    assert np.isnan(flash_columns(track, robots)["phase_order_parameter"]).tolist() == [True] * 3 + [False] * 15
+    assert summary(track, robots)["by_phases_s"] == pytest.approx(1)
+
+
 def test_what_is_doubtful_is_said() -> None:
     track = track_of([0.1, 0.4, 0.7])
     told = track._replace(options=track.options._replace(robots=4))
