@@ -124,20 +124,6 @@ def scene(folder: Path, line: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("raise BaseException('mine')", "BaseException: mine"),
-        ("raise GeneratorExit", "GeneratorExit: "),
-        ("raise Strange", "Strange: its message cannot be shown: Strange"),
-        ("raise ValueError('\\ud800')", "ValueError: \\ud800"),
-    ],
-)
-def test_whatever_a_controller_raises_is_named_with_its_line(tmp_path, line: str, message: str) -> None:
-    stderr = refused("run", scene(tmp_path, line), "--interpret")
-    assert f"{tmp_path}/mine.py:10: {message}" in stderr
-
-
 def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
     with pytest.raises(KeyboardInterrupt):
         describe_error(type("Slow", (Exception,), {"__str__": Mock(side_effect=KeyboardInterrupt)})())

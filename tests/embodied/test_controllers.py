@@ -146,66 +146,6 @@ def test_each_robot_has_its_own_senses_memory_stream_and_actuators_which_keep_th
     assert len(set(chance)) == 3
 
 
-FAILING = """
-import sibling
-
-PARAMETERS = {"way": 0, "whole": 0}
-MEMORY = {"x": float, "row": (float, 4)}
-
-def start(memory, parameters, random):
-    pass
-
-def fail(memory, way):
-    if way == 1:
-        raise ValueError("x")
-    if way == 2:
-        return memory.row[way + 7]
-    if way == 3:
-        return 7 // (
-            way - 3
-        )
-    if way == 4:
-        return memory.row.reshape(way - 1)[0]
-    return sibling.fail(memory.row, way)
-
-def step(sensors, memory, actuators, parameters, random):
-    if parameters.way == 6:
-        try:
-            memory.x = fail(memory, 3)
-        except Exception:
-            memory.x = 5.0
-        memory.row[int(memory.x)] = 7
-    if parameters.way == 7:
-        memory.x = 0.0 / sensors.infrared[0] + sensors.step_ms % parameters.whole
-    memory.x = fail(memory, parameters.way)
-"""
-
-
-@MODES
-@pytest.mark.parametrize(
-    ("way", "said"),
-    [
-        (1, r"mine\.py:12: ValueError: x$"),
-        (2, r"mine\.py:14: IndexError: index .*$"),
-        (3, r"mine\.py:16: (ZeroDivision|FloatingPoint)Error: .*$"),
-        (4, r"mine\.py:20: ValueError: .*$"),
-        (5, r"sibling\.py:2: (ZeroDivision|FloatingPoint)Error: .* \(in the controller .*/mine\.py\)$"),
-        (6, r"mine\.py:29: IndexError: index .*$"),
-        (7, r"mine\.py:31: (ZeroDivision|FloatingPoint)Error: .*$"),
-    ],
-)
-def test_every_error_names_file_and_line(way, said, interpret, tmp_path):
-    """Of `raise`, of what numba checks, of numpy, in another file, and after one that was caught."""
-    (tmp_path / "sibling.py").write_text("def fail(row, way):\n    return row[0] / (way - 5)\n")
-    controller = write_controller(tmp_path / "mine.py", FAILING)
-    for _ in range(2):  # what was said of one error is not said of the next
-        bench = Bench(controller, {"way": way}, robots=2, interpret=interpret)
-        bench.swarm.robots.present[0] = False
-        with pytest.raises(RobotError, match=rf"^{tmp_path}/{said}") as raised:
-            bench.control.step()
-        assert raised.value.robot == 1
-
-
 @pytest.mark.parametrize("way", [0, 1], ids=["raises nothing", "takes too long"])
 def test_an_error_that_is_not_met_again_names_the_file_alone(way, tmp_path, monkeypatch):
     """Run again to find the line, the step goes another way, as compiled whole numbers have 64 bits, or is stopped."""

@@ -14,7 +14,7 @@ from numba.core.dispatcher import Dispatcher
 from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario
 from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE
 from epuck_sim.util.builtin import ARENAS, builtin_files
-from tests.control.bench import EMPTY, MODES, with_step, write_controller
+from tests.control.bench import EMPTY, with_step, write_controller
 from tests.embodied.steps import CHANGING, bits, constant, kept, swarm_of
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
@@ -61,15 +61,6 @@ REACT = with_step(
     actuators.right_cm_s = 4.0 + 0.0005 * sensors.infrared.sum()""",
     MEMORY="{'clock': int, 'pixels': int}",
 )
-FAIL = with_step(
-    """memory.taken += 1
-    is_due = memory.taken == 4 and sensors.infrared[7] > 1000
-    if is_due and parameters.way == 0: raise ValueError("too near")
-    if is_due and parameters.way == 1: actuators.right_cm_s = float("nan")
-    if parameters.way == 3: actuators.left_cm_s = 1 / (50 - memory.taken)""",
-    PARAMETERS="{'way': 0}",
-    MEMORY="{'taken': int}",
-).replace("    pass", "    if parameters.way == 2: raise ValueError('not today')", 1)
 
 
 def written(folder, text):
@@ -114,25 +105,6 @@ def test_groups_with_different_cameras_and_controllers_work_side_by_side(tmp_pat
     assert [np.isnan(phase) for phase in step.phase_ms] == [True, True, False, True]
     np.testing.assert_array_equal(simulation.period_ms, [np.nan, np.nan, 2000, np.nan])
     np.testing.assert_array_equal(step.flash_seen, [False, True, True, False])
-
-
-@MODES
-@pytest.mark.parametrize(
-    ("way", "robot", "step", "message"),
-    [
-        (0, 3, 3, "ValueError: too near"),
-        (1, 3, 3, "wheel speed or a turn that is not a number"),
-        (2, 2, 0, "ValueError: not today"),
-        (3, 2, 49, "(ZeroDivisionError|FloatingPointError)"),
-    ],
-)
-def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(tmp_path, way, robot, step, message, interpret):
-    """Robot 3, in the second group, stands before a wall."""
-    places = [[20, 50, 0], [56, 30, 0], [20, 10, 0]]
-    failing = {"poses": places, "controller": written(tmp_path, FAIL), "parameters": {"way": way}}
-    robots = [{"poses": [[10, 30, 0], [20, 30, 0]], "controller": "constant"}, failing]
-    with pytest.raises(ControllerError, match=rf"failing: robot {robot}, step {step}, seed 5: .*{message}"):
-        Simulation({"name": "failing", "robots": robots, "noise": "off"}, 5, interpret=interpret).advance(100)
 
 
 def test_steps_are_numbered_from_0_their_times_are_exact_and_whole_numbers_of_them_are_taken():
