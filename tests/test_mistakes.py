@@ -71,6 +71,11 @@ def without_database(folder: Path, contents_of_it: str = "") -> None:
         (folder / DATABASE).write_text(contents_of_it)
 
 
+def damaged(folder: Path) -> None:
+    stored(lambda _: ended([5]), {COUNT: [2, 3]})(folder)
+    os.truncate(folder / DATABASE, (folder / DATABASE).stat().st_size // 2)
+
+
 SHORT = {"arena": {"width_cm": 40, "height_cm": 40}, "robots": [{"count": 3}], "stop": {"max_cycles": 6}}
 CONE = {"neighbourhood": {"kind": "cone_of_vision", "angle_deg": 90}}
 
@@ -82,6 +87,8 @@ MAKERS: dict[str, Callable[[Path], object]] = {
     "summary.rrd": lambda path: called("run", "pair", "--record", path, "--record-level", "summary"),
     "half.rrd": half_a_recording,
     "swept": stored(partial(weibull, mean=4), {SPEED: [1, 4, 8]}, 3, "short", **SHORT),
+    "share": lambda path: call("run", "pair", "--trials", "20", "--share", "1/20", "--out", path),
+    "damaged": damaged,
     "without": without_database,
     "foreign": partial(without_database, contents_of_it="mine"),
     "forms": drawn(),

@@ -107,10 +107,7 @@ def test_dir_star_import_and_help_show_the_public_names_and_no_others_and_nothin
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "[]\n"
 
 
-def test_files_are_given_as_text_or_as_paths_and_a_trace_is_refused_for_agents(tmp_path) -> None:
-    with pytest.raises(ScenarioError, match="particles: model is 'particles'; "):
-        epuck_sim.Trace(tmp_path / "t.parquet", load_scenario("particles"), 1)
-    assert list(tmp_path.iterdir()) == []
+def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
     scenario = load_scenario("thesis", ["stop.max_cycles=1", "robots.0.count=2"])
     observers = {"t.parquet": epuck_sim.Trace, "t.rrd": epuck_sim.record, "t.mp4": epuck_sim.film_trial}
     with ExitStack() as stack:

@@ -1,7 +1,6 @@
 """The commands that read run folders: what they print and write, and how they end where something is wrong."""
 
 import os
-import shutil
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import pytest
 from matplotlib import image
 
 from epuck_sim.estimate import Estimate, significant
-from epuck_sim.runs.folder import DATABASE
 from tests.cli.commands import call, called, cells, contents, read
 from tests.runs import made_folders
 from tests.runs.made_folders import COUNT, COUPLING, MANY_SPEEDS, SPEED, SPEEDS, bumpy, rows, store, sweep, weibull
@@ -75,24 +73,6 @@ def test_fit_of_several_folders_prints_them_all_and_names_the_statistic(made, tm
     assert "T_m and T_p: median." in stdout
     assert "Scaling laws of 3 curves" in stdout
     assert "coupling" in stdout
-
-
-@pytest.mark.parametrize("name", ["damaged", "gone", "file", "file/deeper", "empty", "x" * 300])
-def test_what_is_damaged_empty_or_no_folder_is_refused_by_every_command_and_nothing_made(made, tmp_path, name) -> None:
-    (tmp_path / "file").write_text("mine")
-    (tmp_path / "empty").mkdir()
-    whole = (shutil.copytree(made, tmp_path / "damaged") / DATABASE).read_bytes()
-    (tmp_path / "damaged" / DATABASE).write_bytes(whole[: len(whole) // 2])
-    before = contents(tmp_path)
-    exports = [f"export FOLDER --to OUT.{ending}" for ending in ("csv", "parquet")]
-    for command in (*exports, "summarize FOLDER", "plot FOLDER --to OUT", "fit FOLDER GOOD"):
-        given = command.replace("OUT", str(tmp_path / "out")).replace("GOOD", str(made)).split()
-        result = call(*(tmp_path / name if word == "FOLDER" else word for word in given))
-        assert (result.exit_code, result.stdout) == (2, "")
-        assert result.stderr.startswith("error: ")
-        assert f"{tmp_path / name}" in result.stderr
-        assert ("is damaged" in result.stderr) == (name == "damaged")
-        assert contents(tmp_path) == before
 
 
 @pytest.mark.parametrize("trials", [1, 3])

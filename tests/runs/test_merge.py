@@ -165,11 +165,6 @@ def test_a_folder_stays_with_its_share(tmp_path) -> None:
     folder = fill_share(tmp_path / "share", Share(1, 2))
     with Store(folder, MANY, points(MANY)) as store:
         assert store.share == Share(1, 2)
-    with pytest.raises(StoreError, match="is for share 1/2, --share is 2/2; give another folder"):
-        Store(folder, MANY, points(MANY), Share(2, 2))
-    fill(tmp_path / "whole", MANY)
-    with pytest.raises(StoreError, match="is for the whole sweep, --share is 2/2"):
-        Store(tmp_path / "whole", MANY, points(MANY), Share(2, 2))
 
 
 def test_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:

@@ -147,8 +147,6 @@ def test_keys_that_are_given_change_a_kind_and_the_others_stay_or_are_those_of_e
     assert (robot.infrared.range_cm, robot.infrared.peak_counts) == (3, epuck.INFRARED_PEAK_COUNTS)
     changed = load_scenario({"robot": {"wheel_base_cm": 6}}).robot
     assert changed == EPUCK.model_copy(update={"wheel_base_cm": 6})
-    with pytest.raises(ScenarioError, match=r"infrared\.sensors\.0\.2: is missing$"):  # not that it is too short
-        load_scenario({"robot": {"infrared": {"sensors": [[1, 2]]}}})
 
 
 def test_groups_have_kinds_of_their_own_or_that_of_all_and_the_sensors_of_their_kind_or_others(tmp_path) -> None:

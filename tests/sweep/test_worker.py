@@ -5,7 +5,6 @@ from itertools import count, product
 
 import pytest
 
-from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.reader import read_points
 from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.sweep import demand, worker
@@ -249,10 +248,3 @@ def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_lef
     monkeypatch.setattr(demand, "_time_trial", time_trial)
     assert len(time_trials(made(), 5)) == 3
     assert budgets == [0, 5, 3, 1]
-
-
-def test_a_trial_that_fails_is_reported(tmp_path) -> None:
-    (tmp_path / "bad.py").write_text(with_step("1 / 0"))
-    scenario = load_scenario("pair", [f"robots=[{{controller: {tmp_path}/bad.py, count: 2}}]"])
-    with pytest.raises(ScenarioError, match="point 0: a trial fails"):
-        time_trials(points(scenario), 1)

@@ -37,12 +37,10 @@ from tests.particles.simulations import KINDS, any_sections, make_resting, make_
 from tests.trial import without_wall
 
 
-def test_robots_are_interpreted_if_wanted_and_particles_and_what_is_no_simulation_are_refused() -> None:
+def test_robots_are_interpreted_if_wanted_and_what_is_no_simulation_is_refused() -> None:
     scenario = load_scenario("pair", ["stop.max_cycles=2"])
     compiled, interpreted = (run_trial(simulate(scenario, 3, interpret=wanted)) for wanted in (False, True))
     assert without_wall(compiled) == without_wall(interpreted)
-    with pytest.raises(ScenarioError, match="model: particles has no controllers to interpret; leave --interpret out"):
-        simulate(load_scenario("particles"), 0, interpret=True)
     with pytest.raises(TypeError, match=r"a trial is of a simulation, such as Simulation\('thesis', seed=1\)"):
         run_trial("thesis")
 

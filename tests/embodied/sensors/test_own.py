@@ -10,7 +10,6 @@ from epuck_sim.arena import brightness_at, clearance_cm, light_at
 from epuck_sim.control import compilation
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.environments import parallel_env
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.testing import TestRobot
 from epuck_sim.trial.trace import Trace
 from tests.control.bench import with_sense, with_step
@@ -222,8 +221,6 @@ def test_sensors_and_robots_of_an_axis_are_looked_for_in_the_scenario_s_folder(t
         found = swept(f"{key}=cart.yaml,epuck")
         assert [list(point.scenario.robots[0].sensors) for point in found] == [["ground"], []]
         assert [point.axes[key] for point in found] == ["cart.yaml", "epuck"]
-    with pytest.raises(EpuckSimError, match=r"sweep: sensors\.0: no sensor file 'gone\.py' in "):
-        swept("sensors=[gone.py]")
 
 
 LOOKS = "import math\nfrom epuck_sim.embodied import sensing\n" + with_sense(
