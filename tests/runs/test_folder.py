@@ -9,7 +9,6 @@ import sqlite3
 import subprocess
 import sys
 import time
-from contextlib import closing
 from pathlib import Path
 from random import Random
 
@@ -310,13 +309,6 @@ def test_flipped_bytes_never_give_wrong_rows(whole, tmp_path, flips: int) -> Non
             assert found == rows, number
     print(f"\n{flips} damaged databases: {refusals} refused, the others read as they were, none with wrong rows")
     assert refusals > flips * 2 / 3
-
-
-def test_a_database_without_checksums_is_refused(whole, tmp_path) -> None:
-    (tmp_path / DATABASE).write_bytes((whole / DATABASE).read_bytes())
-    with closing(sqlite3.connect(tmp_path / DATABASE)) as connection, connection:
-        connection.execute("ALTER TABLE trials DROP COLUMN checksum")
-    assert "is damaged: trials has no checksums" in refused("status", tmp_path)
 
 
 def test_a_damaged_log_of_a_killed_run_is_refused_with_what_was_stored(tmp_path) -> None:
