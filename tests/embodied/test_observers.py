@@ -2,10 +2,8 @@
 
 import math
 from collections import Counter
-from itertools import islice
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,7 +11,6 @@ from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.observers import find_contacts, find_sightings, make_scene
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
 from tests.embodied import scenes
@@ -170,13 +167,3 @@ def test_there_is_room_for_any_number_of_contacts() -> None:
     expected = [(step, *point) for step in range(3) for x, y in between for point in ((x, y), (y, x))]
     assert len(found) == len(expected) == 60 * 3
     assert np.abs(found[:, None] - np.array(expected)[None]).max(axis=2).min(axis=0).max() < 1e-9
-
-
-@pytest.mark.parametrize("interpret", [False, True])
-def test_asking_changes_nothing(interpret) -> None:
-    asked, plain = (Simulation("thesis", 3, interpret=interpret) for _ in range(2))
-    for one, other in zip(islice(asked, 20 if interpret else 150), plain, strict=False):
-        assert one.sightings is one.sightings
-        assert one.contacts.shape[1] == 2
-        assert one.poses.tobytes() == other.poses.tobytes()
-        assert one.camera.tobytes() == other.camera.tobytes()
