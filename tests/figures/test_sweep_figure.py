@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim import EpuckSimError, figures
 from epuck_sim.figures.sweep_figure import read_form
+from tests.cli.commands import refused
 from tests.figures.drawn import legend_texts, written
 from tests.runs import made_folders
 from tests.runs.made_folders import COUNT, SPEED, WIDTH, censored, ended, in_memory, store_measured, sweep, weibull
@@ -144,6 +145,7 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
     assert [figures.plot(each, of="way").axes[0].get_ylabel() for each in folders] == ["way (cm)", "way (mm)"]
     with pytest.raises(EpuckSimError, match="the unit of way differs: cm, mm; give folders with one"):
         figures.plot(folders, of="way")
+    assert "the unit of way differs: cm, mm; give folders with one" in refused("compare", *folders, "--of", "way")
     (tmp_path / "mm/mine.py").unlink()
     assert figures.plot(folders[1], of="way").axes[0].get_ylabel() == "way"
 

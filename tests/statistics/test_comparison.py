@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 from lifelines.statistics import logrank_test
 from scipy import stats
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import comparison
-from epuck_sim.statistics import statistic as measuring
 from epuck_sim.statistics.comparison import compare, comparison_tables, contrast, match_points, match_values, pair_up
 from epuck_sim.statistics.statistic import Measured
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
@@ -96,14 +94,6 @@ def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     assert len(comparison_tables(compare(samples), one)[0].to_csv().splitlines()) == 3
     beside_itself = match_points([one, one], ["one", "one"], [[0, 1]])
     assert comparison_tables(compare(beside_itself), one)[0].headings["difference"] == "second - first"
-
-
-def test_folders_whose_measures_have_other_units_are_refused(monkeypatch) -> None:
-    monkeypatch.setattr(measuring, "measure_unit", lambda point: point.of)
-    one, other = ([point._replace(of=unit) for point in three()] for unit in ("cm", "mm"))
-    assert len(folders(one, one).matches) == 6
-    with pytest.raises(EpuckSimError, match="the unit of cm differs: cm, mm; give folders with one"):
-        folders(one, other)
 
 
 @given(*[st.lists(st.integers(1, 999), min_size=5, max_size=20, unique=True)] * 2)
