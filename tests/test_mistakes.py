@@ -16,7 +16,7 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -52,10 +52,10 @@ def never(_: object) -> Any:
     return ended([5000] * 3, [False] * 3)
 
 
-def measured(folder: Path) -> None:
+def measured(folder: Path, values: Sequence[Any] = (1.0, 2.0)) -> None:
     path = folder.with_name("mine.py")
     path.write_text("def number(simulation): return 0\n")
-    store_measured(folder, sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)]), lambda _: [1.0, 2.0])
+    store_measured(folder, sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)]), lambda _: values)
 
 
 def half_a_recording(path: Path) -> None:
@@ -107,6 +107,8 @@ MAKERS: dict[str, Callable[[Path], object]] = {
     "tied": stored(partial(weibull, mean=30), None, 3, "tied", model="particles", sweep={"zip": TIED}),
     "waits": stored(never, {"agents.speed_cm_s": [3, 30]}, 3, "tiny", model="particles", schedule=WAITING),
     "measured": measured,
+    "truths": partial(measured, values=(True, False)),
+    "series": partial(measured, values=([1.0], [2.0, 3.0])),
 }
 """What makes each recording and run folder that rows have beside them, from its path."""
 

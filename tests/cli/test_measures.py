@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.measures.measure import SHIPPED, find_measure
-from tests.cli.commands import call, called, read, refused
+from tests.cli.commands import call, called, read
 from tests.measures.files import COUNTER, write
 from tests.runs.made_folders import COUNT, SPEED, rows, store_measured, sweep
 
@@ -107,9 +107,6 @@ def test_truth_values_are_shares(here):
     assert {point["statistic"] for point in compared["points"]} == {"share"}
     assert compared["p_value"] < 0.001
     assert 0.2 < compared["difference"]["value"] < 0.6
-    plot = "plot", folder, "--of", "truth", "--form"
-    assert "truth values have no median" in refused(*plot, "curves", "--statistic", "median")
-    assert "give --form curves" in refused(*plot, "violins")
     assert "shares of trials are not looked at" in called("fit", folder, "--of", "truth")
 
 
@@ -125,9 +122,6 @@ def test_series_are_summarised_and_drawn_over_the_cycles(here):
     drawn = rows(here / "course.csv")
     assert float(drawn[1]["mean"]) == pytest.approx(found[0]["mean"][1], rel=1e-5)
     assert (drawn[1]["cycle"], drawn[1]["trials"]) == ("2", "25")
-    for command in (["fit", folder], ["plan", folder], ["compare", folder, "--axis", f"{COUNT}=2,6"]):
-        assert "course is a series, with a value for each cycle" in refused(*command, "--of", "course")
-    assert "--form map: course is a series" in refused("plot", folder, "--of", "course", "--form", "map")
 
 
 def test_plan_says_how_many_trials_show_a_difference_of_a_measure(here):

@@ -1,6 +1,5 @@
 """Scenarios: what is read and written and read again, quick versions, all that is shipped, and how YAML is read."""
 
-import ast
 import os
 import re
 from contextlib import suppress
@@ -11,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import epuck_sim
 from epuck_sim import EmbodiedScenario, ParticleScenario, Scenario, ScenarioError, Simulation, points
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario import robots
@@ -108,14 +106,6 @@ def test_a_description_is_followed_by_the_changes_that_may_have_made_it_untrue()
         assert load_scenario({}, changes, axes).description == ""
 
 
-def test_scenarios_are_read_at_the_edge_alone() -> None:
-    """By commands, the public functions that take what is read, and where a scenario names another one."""
-    texts = [path.read_text() for path in Path(epuck_sim.__file__).parent.rglob("*.py")]
-    trees = [ast.parse(text) for text in texts if "load_scenario(" in text]
-    calls = [node.func for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    assert sum(getattr(function, "id", "") == "load_scenario" for function in calls) <= 8
-
-
 NEEDED = {"clock_drift": {"rate": 1.1}, "clock_jitter": {"jitter": 0.1}, "camera_misses": {"missed": 0.5}}
 WHEN = {"when": "order_parameter >= 0.9", "for_cycles": 3}
 ROBOTS = [
@@ -171,11 +161,6 @@ def test_what_is_just_allowed_is_read_simulated_written_and_read_again(sections)
     scenario = load_scenario(sections)
     (ParticleSimulation if scenario.model == "particles" else Simulation)(scenario, 1)
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
-
-
-def test_changes_are_checked_at_each_point_of_a_sweep() -> None:
-    sweep = load_scenario({"faults": [{"kind": "ring_dead", "share": 0.1}]}, axes=["faults.0.share=0.1,0.5"])
-    assert [point.scenario.faults[0].share for point in points(sweep)] == [0.1, 0.5]
 
 
 LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("9" * 5000)
