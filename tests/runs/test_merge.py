@@ -20,7 +20,7 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.run import run_sweep
 from tests.cli.commands import call, called, contents, refused
 from tests.control.bench import write_soon_after
-from tests.runs.made_folders import CONTROLLER, COUNT, DATABASE, DEMO, MINE, edit, fill, outcome, scenario_of, stored
+from tests.runs.made_folders import COUNT, DATABASE, DEMO, MINE, edit, fill, outcome, scenario_of, stored
 from tests.sweep.pool_here import pool_here
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
@@ -127,7 +127,7 @@ def test_a_sweep_that_has_grown_meanwhile_is_as_large_as_its_largest_share_of_ea
     assert read_status(tmp_path / "planned")[2:4] == (27, 27)
 
 
-def test_folders_of_another_scenario_or_controller_or_version_are_refused(tmp_path) -> None:
+def test_folders_of_another_scenario_or_version_or_with_other_results_are_refused(tmp_path) -> None:
     share = fill_share(tmp_path / "share", Share(1, 2))
     noisy = fill_share(tmp_path / "noisy", Share(2, 2), MANY.model_copy(update={"seed": 5}))
     axes = fill_share(tmp_path / "axes", Share(2, 2), DEMO)
@@ -139,26 +139,16 @@ def test_folders_of_another_scenario_or_controller_or_version_are_refused(tmp_pa
         fill_share(tmp_path / name, Share(1, 2), measured, measures={"near_walls": value})
         for name, value in (("first", 0.1), ("second", 0.2))
     )
-    with pytest.raises(StoreError, match=r"trial . at .* differs from that of another folder"):
-        merge_folders([first, second], tmp_path / "merged")
-    for other, message in (
-        (noisy, "seed: 5 in the folder, 0 in|seed: 0 in the folder, 5 in"),
-        (axes, "holds another sweep; axes in the folder and in"),
-        (version, "holds trials made by .*numba 0.1.*; merge folders of the same versions"),
-        (double, "trial . at .* differs from that of another folder"),
+    for one, other, message in (
+        (share, noisy, "seed: 5 in the folder, 0 in|seed: 0 in the folder, 5 in"),
+        (share, axes, "holds another sweep; axes in the folder and in"),
+        (share, version, "holds trials made by .*numba 0.1.*; merge folders of the same versions"),
+        *((*pair, "trial . at .* differs from that of another folder") for pair in ((share, double), (first, second))),
     ):
-        for folders in ([share, other], [other, share]):
+        for folders in ([one, other], [other, one]):
             with pytest.raises(StoreError, match=message):
                 merge_folders(folders, tmp_path / "merged")
             assert not (tmp_path / "merged" / DATABASE).exists()
-    mine = []
-    for number, pace in enumerate(("2.0", "3.0"), start=1):
-        (tmp_path / str(number)).mkdir()
-        (tmp_path / str(number) / "mine.py").write_text(MINE.replace("2.0", pace))
-        scenario = scenario_of({"points": [{CONTROLLER: str(tmp_path / str(number) / "mine.py")}]})
-        mine.append(fill_share(tmp_path / f"mine{number}", Share(number, 2), scenario))
-    with pytest.raises(StoreError, match=r"robots\.0\.controller: 'mine.py with digest"):
-        merge_folders(mine, tmp_path / "merged")
 
 
 def test_a_folder_stays_with_its_share(tmp_path) -> None:
@@ -347,20 +337,16 @@ def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path
     assert name == "verify" or found.exit_code == 0, found.stderr
 
 
-@pytest.mark.parametrize("command", ["page --to x.html", "play", "predict", "compare-film"])
-def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(foreign, tmp_path, command: str) -> None:
-    name, *options = command.split()
-    film = [tmp_path / "film.mp4"] if name == "compare-film" else []
-    assert "brings code that you have not run" in refused(name, *film, foreign, *options)
-    assert not (tmp_path / "was-run").exists()
+CLAIM = '{id: A, section: "9", claim: so, sweep: s, checks: [{test: share, above: 0.5}]}'
+TAKING = ["page RUN --to x.html", "play RUN", "predict RUN", "compare-film film.mp4 RUN"]
 
 
-def test_claims_of_a_folder_run_no_code_that_is_not_trusted(foreign: Path, tmp_path: Path) -> None:
-    claims = tmp_path / "claims.yaml"
-    claim = '{id: A, section: "9", claim: so, sweep: s, checks: [{test: share, above: 0.5}]}'
-    claims.write_text(f"sweeps: {{s: {{scenario: {foreign}}}}}\nclaims: [{claim}]")
-    assert "brings code that you have not run" in refused("replicate", "--claims", claims, "--out", tmp_path / "out")
-    assert not (tmp_path / "was-run").exists()
+@pytest.mark.parametrize("command", [*TAKING, "replicate --claims claims.yaml --out out"])
+def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(foreign, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    Path("claims.yaml").write_text(f"sweeps: {{s: {{scenario: {foreign}}}}}\nclaims: [{CLAIM}]")
+    assert "brings code that you have not run" in refused(*command.replace("RUN", str(foreign)).split())
+    assert not Path("was-run").exists()
 
 
 @pytest.mark.parametrize("command", ["run", "plan", "replay --point 0 --trial 0 --interpret"])
