@@ -132,21 +132,12 @@ def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
     found = points(scenario)
     with Store(folder, scenario, found) as opened:
         for point in found:
-            times, observed = law(point)
-            ended = [
-                outcome(
-                    point,
-                    trial,
-                    t_sync_cycles=time if is_observed else None,
-                    censored=not is_observed,
-                    cycles=time,
-                    order_parameter=0.97 if is_observed else 0.5,
-                    steps=50 * time,
-                    simulated_s=5.0 * time,
-                    wall_s=0.001,
-                )
-                for trial, (time, is_observed) in enumerate(zip(times.astype(int).tolist(), observed, strict=True))
-            ]
+            (times, observed), ended = law(point), []
+            for trial, (time, is_observed) in enumerate(zip(times.astype(int).tolist(), observed, strict=True)):
+                lasts = {"cycles": time, "steps": 50 * time, "simulated_s": 5.0 * time, "wall_s": 0.001}
+                ends = {"t_sync_cycles": time if is_observed else None, "censored": not is_observed}
+                order = 0.97 if is_observed else 0.5
+                ended.append(outcome(point, trial, order_parameter=order, **lasts, **ends))
             failures = range(len(times), len(times) + failed) if point.number == 0 else ()
             opened.add([*ended, *(outcome(point, trial, error=f"gone {trial}") for trial in failures)])
     return folder

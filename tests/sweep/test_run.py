@@ -48,7 +48,7 @@ def uninterrupted(tmp_path_factory) -> list[tuple]:
     return rows
 
 
-def test_more_workers_give_the_same_table_bit_for_bit(tmp_path, uninterrupted) -> None:
+def test_more_workers_give_the_same_table_bit_for_bit_and_leave_nothing_to_do(tmp_path, uninterrupted) -> None:
     scenario = load_scenario(short_sweep(tmp_path, TRIALS))
     tallies: list[SweepProgress] = []
     run_sweep(scenario, tmp_path / "run", partial(local_pool, 3), tallies.append)
@@ -56,11 +56,6 @@ def test_more_workers_give_the_same_table_bit_for_bit(tmp_path, uninterrupted) -
     assert [tally.ended for tally in tallies] == list(range(POINTS * TRIALS + 1))
     assert tallies[-1].stored == tallies[-1].trials == POINTS * TRIALS
     assert tallies[-1].censored > 0
-
-
-def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
-    scenario = load_scenario(short_sweep(tmp_path, 1))
-    run_sweep(scenario, tmp_path / "run", pool_here)
     assert run_sweep(scenario, tmp_path / "run", lambda: pytest.fail("a pool was opened")).ended == 0
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from epuck_sim.runs.reader import read_points
 from epuck_sim.scenario.loader import Point, load_scenario, points
+from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.sweep import demand, worker
 from epuck_sim.sweep.demand import time_trials
 from epuck_sim.sweep.run import run_sweep
@@ -168,21 +169,13 @@ def phase_shift(phase, coupling, parameters):
     return coupling * phase
 """
 
-AGENTS = "{model: particles, agents: {count: 5}, stop: {max_cycles: 3}, trials: 1, KEY: VALUE, sweep: {grid: {AXIS}}}"
-
-ENDLESS = {
-    MEASURE: ("measures", "[endless.py]", "agents.count: [5, 6]"),
-    CURVE: ("response", "{curve: endless.py}", "response.parameters.fatal: [0, 1]"),
-}
+FEW = {"model": "particles", "agents": {"count": 5}, "stop": {"max_cycles": 3}, "trials": 1}
 
 
-def run_endless(tmp_path, text: str, *options: object) -> tuple[dict, str]:
+def run_endless(tmp_path, text: str, *options: object, **sections: object) -> tuple[dict, str]:
     """Run trials of agents at two points; return the errors of those that failed, and what was printed as error."""
     (tmp_path / "endless.py").write_text(text)
-    scenario = AGENTS
-    for name, value in zip(("KEY", "VALUE", "AXIS"), ENDLESS[text], strict=True):
-        scenario = scenario.replace(name, value)
-    (tmp_path / "sweep.yaml").write_text(scenario)
+    (tmp_path / "sweep.yaml").write_text(write_yaml({**FEW, **sections}))
     run = begin("sweep.yaml", "--out", "run", "--workers", 1, *options, folder=tmp_path)
     _, err = run.communicate(timeout=300)
     assert run.returncode == 1, err
@@ -194,13 +187,15 @@ def run_endless(tmp_path, text: str, *options: object) -> tuple[dict, str]:
 
 def test_a_curve_that_never_returns_is_heard_like_a_controller(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv(LIMIT_VARIABLE, "0.5")
-    failed, err = run_endless(tmp_path, CURVE)
+    axis = {"grid": {"response.parameters.fatal": [0, 1]}}
+    failed, err = run_endless(tmp_path, CURVE, response={"curve": "endless.py"}, sweep=axis)
     assert all("its worker died" in message for message in failed.values())
     assert ": a measure or response curve has not returned for 0.5 s; its worker is ended\n" in err
 
 
 def test_a_measure_that_never_returns_has_failed_when_its_time_is_up_and_status_says_why(tmp_path) -> None:
-    failed, err = run_endless(tmp_path, MEASURE, "--trial-timeout", 0.5)
+    axis = {"grid": {"agents.count": [5, 6]}}
+    failed, err = run_endless(tmp_path, MEASURE, "--trial-timeout", 0.5, measures=["endless.py"], sweep=axis)
     assert set(failed.values()) == {out_of_time(0.5)}
     assert "1 trial failed; run again to retry them" in err
     assert called("status", tmp_path / "run").count(out_of_time(0.5)) == 1
