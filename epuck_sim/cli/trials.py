@@ -231,6 +231,9 @@ def sweep_into(
                     over()
                     if dask is None:
                         check_memory(found, workers or available_cores())
+                    else:
+                        with open_pool():  # whether it answers is known before there is a folder
+                            pass
                     most = "" if looks is None else ", at most"
                     print_stderr(f"{found[0].scenario.name}: {describe_size(found)}{most}")
                     bar.points = found

@@ -1,5 +1,6 @@
 """Scenarios: what is read and written and read again, quick versions, all that is shipped, and how YAML is read."""
 
+import ast
 import os
 import re
 from contextlib import suppress
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import epuck_sim
 from epuck_sim import EmbodiedScenario, ParticleScenario, Scenario, ScenarioError, Simulation, points
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario import robots
@@ -104,6 +106,14 @@ def test_a_description_is_followed_by_the_changes_that_may_have_made_it_untrue()
         assert load_scenario("thesis", changes, axes).description == load_scenario("thesis").description + notes
         assert load_scenario("thesis", [*changes, "description=mine"], axes).description == "mine"
         assert load_scenario({}, changes, axes).description == ""
+
+
+def test_scenarios_are_read_at_the_edge_alone() -> None:
+    """By commands, the public functions that take what is read, and where a scenario names another one."""
+    texts = [path.read_text() for path in Path(epuck_sim.__file__).parent.rglob("*.py")]
+    trees = [ast.parse(text) for text in texts if "load_scenario(" in text]
+    calls = [node.func for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    assert sum(getattr(function, "id", "") == "load_scenario" for function in calls) <= 8
 
 
 NEEDED = {"clock_drift": {"rate": 1.1}, "clock_jitter": {"jitter": 0.1}, "camera_misses": {"missed": 0.5}}

@@ -334,6 +334,7 @@ def test_where_no_scheduler_is_the_address_is_named_and_nothing_is_left_behind(a
     result = call("run", short_sweep(tmp_path), "--out", tmp_path / "run", "--dask", address)
     assert result.exit_code == 2
     assert f"error: --dask {address}: no Dask scheduler answers there" in result.stderr
+    assert not (tmp_path / "run").exists()
 
 
 def test_without_distributed_the_extra_is_named(monkeypatch) -> None:
