@@ -1,4 +1,1 @@
-"""What a controller is, how its file is found and loaded, and how a group of robots runs it.
-
-May import: util and the modules of the package's root.
-"""
+"""What a controller is, how its file is found and loaded, and how a group of robots runs it."""

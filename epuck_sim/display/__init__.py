@@ -1,4 +1,1 @@
-"""How things are shown on pages: HTML, pictures of the arena, numbers. Loads nothing heavy.
-
-May import: errors, arrays, geometry, epuck, arena.
-"""
+"""How things are shown on pages: HTML, pictures of the arena, numbers. Loads nothing heavy."""

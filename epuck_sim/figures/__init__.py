@@ -1,7 +1,5 @@
 """The figures, the table beside each, and the page about a run folder that shows them.
 
-May import: statistics, runs, recording, overhead, but for render and filming, and what they may import.
-
 From Python, `plot` draws what `read_points` returns, also into Axes of matplotlib.
 """
 

@@ -1,4 +1,1 @@
-"""What a measure of a trial is, how it is found by name or in its file, and the shipped ones.
-
-May import: `measure`, control and what it may import; shipped measures, everything below trial.
-"""
+"""What a measure of a trial is, how it is found by name or in its file, and the shipped ones."""

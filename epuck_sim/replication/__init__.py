@@ -1,4 +1,1 @@
-"""Claims of the thesis as data, the sweeps that ask them, and the page with a verdict on each.
-
-May import: everything but cli and environments.
-"""
+"""Claims of the thesis as data, the sweeps that ask them, and the page with a verdict on each."""

@@ -1,4 +1,1 @@
-"""The run folder: the results of a sweep on disk, how they are stored, read and exported.
-
-May import: trial and what it may import.
-"""
+"""The run folder: the results of a sweep on disk, how they are stored, read and exported."""

@@ -1,7 +1,4 @@
-"""Censored synchronisation times, their curves over speed, and scaling laws.
-
-May import: runs and what it may import; never sweep.
-"""
+"""Censored synchronisation times, their curves over speed, and scaling laws."""
 
 from enum import StrEnum
 

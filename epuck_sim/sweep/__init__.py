@@ -1,4 +1,1 @@
-"""Thousands of trials into a run folder, on all cores or on a cluster.
-
-May import: runs and statistics, and what they may import.
-"""
+"""Thousands of trials into a run folder, on all cores or on a cluster."""

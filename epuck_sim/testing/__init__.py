@@ -1,6 +1,6 @@
 """Unit tests of controllers: a robot whose sensors are set by hand, and scenes of the simulator in one line.
 
-May import: the embodied simulation and what it may import. The fixture of pytest is in `epuck_sim.pytest_plugin`.
+The fixture of pytest is in `epuck_sim.pytest_plugin`.
 """
 
 from epuck_sim.testing.robot import TestRobot, facing_robot, facing_wall

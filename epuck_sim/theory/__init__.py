@@ -1,4 +1,1 @@
-"""What the graph of who hears whom says of a swarm before any trial: its regimes, and T_sync in its limits.
-
-May import: statistics, and all below.
-"""
+"""What the graph of who hears whom says of a swarm before any trial: its regimes, and T_sync in its limits."""

@@ -1,4 +1,1 @@
-"""One seed to one TrialResult, whatever the model.
-
-May import: embodied, particles and what they may import.
-"""
+"""One seed to one TrialResult, whatever the model."""

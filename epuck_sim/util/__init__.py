@@ -1,4 +1,1 @@
-"""Helpers without knowledge of robots: output files, compilation, random numbers, messages, versions.
-
-May import: errors, arrays, geometry, epuck, arena.
-"""
+"""Helpers without knowledge of robots: output files, compilation, random numbers, messages, versions."""
