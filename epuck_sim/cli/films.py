@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import print_stderr, print_warnings, reject_first
+from epuck_sim.cli.errors import print_stderr, reject_first
 from epuck_sim.cli.options import argument, option, output_option
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import LEAST_ORDER
@@ -106,8 +106,7 @@ def film(
     from epuck_sim.cli.progress import progress_bar
     from epuck_sim.overhead.filming import film_recording
 
-    with print_warnings():
-        film_recording(recording, settings or (), to, progress_bar("filming"), lens)
+    film_recording(recording, settings or (), to, progress_bar("filming"), lens)
 
 
 @films.command()

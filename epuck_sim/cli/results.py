@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import prefix_scenario, print_stderr, print_warnings, reject_first
+from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first
 from epuck_sim.cli.options import argument, looks_option, option
 from epuck_sim.statistics import Statistic
 from epuck_sim.util.messages import counted
@@ -250,8 +250,7 @@ def _plot_trial(recording: Path, wanted: dict[str, Any], target: "Target | None"
 
     for name, value in wanted.items():
         reject_first((value is not None, f"{flag(name, value)} is for run folders; {recording} is none"))
-    with print_warnings():
-        recorded = read_recording(recording)
+    recorded = read_recording(recording)
     check_drawable(recorded, str(recording))
     return save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded))
 
