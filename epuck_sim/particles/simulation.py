@@ -49,10 +49,10 @@ NOBODY = np.empty(0, np.int64)
 """Indices of the agents that fire or receive where none do."""
 
 SIDE_IN_RADII = 60
-"""Side of the space of agents, in radii of the disc that notebooks draw for each."""
+"""Side of the space of agents, in radii of the disc that is drawn for each."""
 
 GLOW = 0.075
-"""Share of a period for which an agent that has fired is drawn lit; the flash of a robot lasts as long."""
+"""Share of a period for which an agent that has fired is drawn lit; a robot's flash lasts as long."""
 
 
 class Event(NamedTuple):

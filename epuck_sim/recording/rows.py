@@ -18,7 +18,7 @@ from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import Step, field_values
 from epuck_sim.errors import RecordingError
 from epuck_sim.order_parameter import METRICS, from_reference
-from epuck_sim.particles.simulation import Event, ParticleSimulation
+from epuck_sim.particles.simulation import GLOW, SIDE_IN_RADII, Event, ParticleSimulation
 from epuck_sim.recording import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_entries, largest_cm
 from epuck_sim.scenario.particles import ParticleScenario
@@ -29,9 +29,7 @@ from epuck_sim.trial.model import simulate
 ROWS_PER_PERIOD = 20  # regular rows of agents; there are further ones at the instants at which some fire
 PATH_S = 10.0  # length of the drawn paths of robots
 PATH_CYCLES = 3  # length of the drawn paths of agents, nominal periods
-SIDE_IN_RADII = 60  # side of the space of agents, in radii of the disc that is drawn for each
 SHORTEST_S, LATEST_S = 1e-6, 9e9  # shortest period and latest time: recordings store whole nanoseconds in 64 bits
-GLOW = 0.075  # share of a period for which an agent is lit after it has fired: an instant would hardly be seen
 
 
 class Population(NamedTuple):
