@@ -237,12 +237,10 @@ def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
 class ControlLoop:
     """The control loop of a swarm in this process: compiled, or as plain Python around controllers that are."""
 
-    addresses: IntArray
-    """Addresses of all that a control step calls."""
+    addresses: IntArray  # addresses of all that a control step calls
     functions: Mapping[int, Any]
     """The kernels, controllers and sensors that it calls, by their indices in the addresses."""
-    is_compiled: bool
-    """Whether `take_steps` is; else it is plain Python."""
+    is_compiled: bool  # whether `take_steps` is; else it is plain Python
 
     def __init__(
         self,
@@ -312,20 +310,13 @@ class Stretch(NamedTuple):
     The arrays are overwritten by the next stretch: copy what you keep.
     """
 
-    first: int
-    """Number of the first step."""
-    poses: FloatArray
-    """(steps, robots, 3) cm, cm, rad: x, y, heading."""
-    wheels_cm_s: FloatArray
-    """(steps, robots, 2) cm/s: left and right wheel as commanded."""
-    ring_on: BoolArray
-    """(steps, robots): whether the ring is lit."""
-    ring_before: BoolArray
-    """(steps, robots): whether it was lit before controllers acted, which is what others see."""
-    present: BoolArray
-    """(robots,): whether each robot is in the arena."""
-    scene: Scene
-    """The arena, and places for robots, for those who look from outside."""
+    first: int  # number of the first step
+    poses: FloatArray  # (steps, robots, 3) cm, cm, rad: x, y, heading
+    wheels_cm_s: FloatArray  # (steps, robots, 2) cm/s: left and right wheel as commanded
+    ring_on: BoolArray  # (steps, robots): whether the ring is lit
+    ring_before: BoolArray  # (steps, robots): whether it was lit before controllers acted, which is what others see
+    present: BoolArray  # (robots,): whether each robot is in the arena
+    scene: Scene  # the arena, and places for robots, for those who look from outside
 
     @property
     def sightings(self) -> IntArray:
@@ -412,8 +403,7 @@ PARTS = {"left_cm_s": "wheels", "right_cm_s": "wheels", "ring_on": "ring"}
 class Commands:
     """The commands from outside to the robots of one simulation, which actuators keep until the next."""
 
-    robots: dict[str, IntArray]
-    """By part, of `EXTERNAL`, (n,) numbers of the robots that are commanded."""
+    robots: dict[str, IntArray]  # by part, of `EXTERNAL`, (n,) numbers of the robots that are commanded
 
     def __init__(self, controllers: Sequence[Controller], block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
         """Find the robots that are commanded from outside, in groups with these controllers."""

@@ -30,10 +30,8 @@ class Scene(NamedTuple):
     """An arena with groups of robots, and what they see rings with."""
 
     groups: Sequence[RobotGroup]
-    block: ByteArray
-    """The swarm; observers write poses, cells and scratch numbers."""
-    swarm: Swarm
-    """The arrays of the block."""
+    block: ByteArray  # the swarm; observers write poses, cells and scratch numbers
+    swarm: Swarm  # the arrays of the block
 
 
 def make_scene(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: Arena) -> Scene:

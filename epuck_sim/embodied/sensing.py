@@ -13,8 +13,7 @@ from epuck_sim.embodied.start import clearance_cm as clearance_of
 from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_no_alloc
 
-NOBODY = -1
-"""Stands for no robot."""
+NOBODY = -1  # stands for no robot
 
 
 @jit_no_alloc

@@ -60,10 +60,8 @@ class Snapshot:
 
     scenario: EmbodiedScenario
     seed: int
-    steps: int
-    """Control steps taken."""
-    changes: tuple[Change, ...] = field(repr=False)
-    """What was commanded and changed from outside, in order."""
+    steps: int  # control steps taken
+    changes: tuple[Change, ...] = field(repr=False)  # what was commanded and changed from outside, in order
 
 
 class Simulation:

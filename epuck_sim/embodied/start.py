@@ -86,21 +86,15 @@ def vary(block: ByteArray) -> None:
 
 # --- placement ----------------------------------------------------------------------------------------
 
-GRID_HEADINGS = 8
-"""Number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)."""
-
-MAX_DRAWS = 10_000
-"""Number of random positions tried for a robot before the arena counts as full."""
+GRID_HEADINGS = 8  # number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)
+MAX_DRAWS = 10_000  # number of random positions tried for a robot before the arena counts as full
 
 OUTSIDE_CM, APART_CM = -1e6, 1e3
 """Coordinates of where the first robot is parked if it is not in the arena, cm: out of the way of all that has a range;
 and distance of parked robots along each axis, cm."""
 
-TOLERANCE_CM = 1e-6
-"""How far bodies may overlap at given poses, cm: what rounding makes of poses that touch."""
-
-PLACED = -1
-"""What functions return that have placed all robots."""
+TOLERANCE_CM = 1e-6  # how far bodies may overlap at given poses, cm: what rounding makes of poses that touch
+PLACED = -1  # what functions return that have placed all robots
 
 
 def parked_poses(robots: IntArray) -> FloatArray:

@@ -254,11 +254,8 @@ def check_fields(scenario: EmbodiedScenario, fields: Sequence[str]) -> None:
 
 # --- in notebooks --------------------------------------------------------------------------------------
 
-MOST_ROBOTS = 50
-"""Maximum number of robots in a table."""
-
-PIXEL_PX, ROW_PX = 2, 12
-"""Width and height of a camera's pixel in a table, in pixels of the screen."""
+MOST_ROBOTS = 50  # maximum number of robots in a table
+PIXEL_PX, ROW_PX = 2, 12  # width and height of a camera's pixel in a table, in pixels of the screen
 
 HEADINGS = ("robot", "x [cm]", "y [cm]", "heading [rad]", "nearest [mm]", "camera", "wheels [cm/s]", "ring")
 

@@ -23,8 +23,7 @@ from epuck_sim.util.generators import GENERATOR_WORDS
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import carve, record_type
 
-RAYS = 3
-"""Rays of each infrared sensor."""
+RAYS = 3  # rays of each infrared sensor
 
 SENSED = record_type(
     [
@@ -105,8 +104,7 @@ CAMERA = record_type(
 )
 """The camera of a group's robots; where its pixels look stands in `Swarm.rays`."""
 
-RAY = record_type([("cos", "f8"), ("sin", "f8")])
-"""Direction of a pixel in the body's frame."""
+RAY = record_type([("cos", "f8"), ("sin", "f8")])  # direction of a pixel in the body's frame
 
 CONE = record_type(
     [
@@ -185,8 +183,7 @@ GROUP = record_type(
 MEMBER = record_type([("x", "f8"), ("y", "f8"), ("radius_cm", "f8"), ("robot", "i8")])
 """A robot in a cell, where it is, cm, and how large."""
 
-CIRCLE = record_type([("x", "f8"), ("y", "f8"), ("radius", "f8")])
-"""A round obstacle or a movable, cm."""
+CIRCLE = record_type([("x", "f8"), ("y", "f8"), ("radius", "f8")])  # a round obstacle or a movable, cm
 
 EDGE = record_type([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8"), ("polygon", "i8")])
 """An edge of another obstacle, cm, from a to b counter-clockwise, and the obstacle's number."""
@@ -244,8 +241,7 @@ SPACE, GROUND, HIDE = range(3)
 """Indices in the addresses: Chipmunk's space, the body of the floor, and the function (block, addresses, robot) that
 writes to the scratch numbers which lit rings faults leave visible to a robot."""
 
-ARRAYS = 23
-"""Number of arrays in a block, the scene included; see `DTYPES`."""
+ARRAYS = 23  # number of arrays in a block, the scene included; see `DTYPES`
 
 SCENE = record_type(
     [
@@ -304,7 +300,6 @@ SCENE = record_type(
 )
 """What is one for all robots."""
 
-
 INT64, FLOAT64, BYTE = map(np.dtype, (np.int64, np.float64, np.uint8))
 
 DTYPES: Mapping[str, np.dtype[Any]] = {
@@ -337,7 +332,6 @@ DTYPES: Mapping[str, np.dtype[Any]] = {
 """The arrays of a block in their order, and the types of their records, which Python and compiled code name alike."""
 
 assert len(DTYPES) == ARRAYS
-
 
 _named_tuple: Any = namedtuple  # its own type asks for names that are literals
 Swarm: Any = _named_tuple("Swarm", DTYPES)

@@ -53,12 +53,10 @@ class RobotError(ControllerError):
 class UserCode(ABC):
     """A user's code on robots of a block, which must stay where it is: the controllers of a group, or a sensor."""
 
-    robots: slice
-    """Numbers of the robots."""
+    robots: slice  # numbers of the robots
     run: Callable[[ByteArray, IntArray, int], None]
     """Runs it on each of them; takes the block, the addresses and its number. Compiled, unless it is interpreted."""
-    address: int
-    """Address of `run` in this process; 0 if it is interpreted."""
+    address: int  # address of `run` in this process; 0 if it is interpreted
     _is_compiled = False
 
     def __init__(self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any) -> None:
@@ -150,8 +148,7 @@ def _time_limit(seconds: float) -> Iterator[None]:
 
 # --- sensors in files of their own (see `control.loader`) ----------------------------------------------
 
-STREAM = record_type([("words", "u8", 4)])
-"""A stream of random numbers."""
+STREAM = record_type([("words", "u8", 4)])  # a stream of random numbers
 
 STREAM_BYTES = STREAM.itemsize
 
@@ -224,8 +221,7 @@ class OwnSensor(UserCode):
     """A sensor in a file of its own, of one group of robots."""
 
     sensor: Sensor
-    name: str
-    """Its name in the scenario."""
+    name: str  # its name in the scenario
 
     def __init__(
         self, block: ByteArray, swarm: Swarm, number: int, name: str, sensor: Sensor, *, interpret: bool = False

@@ -66,8 +66,7 @@ FIRST = HIDE + 1
 (_SET_SPIN, _GET_POSITION, _GET_ANGLE, _GET_VELOCITY, _UPDATE_POSITION) = range(FIRST + 13, FIRST + 18)
 """Indices of the functions in the addresses."""
 
-END = FIRST + len(FUNCTIONS)
-"""Index in the addresses of the first that is not the same for all worlds of a process."""
+END = FIRST + len(FUNCTIONS)  # index in the addresses of the first that is not the same for all worlds of a process
 
 
 # --- a control step -----------------------------------------------------------------------------------

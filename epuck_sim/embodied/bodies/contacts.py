@@ -36,14 +36,12 @@ robots that press on something come to rest where their real surfaces touch. Sce
 for this.
 """
 
-SLOP_CM = 2 * MARGIN_CM
-"""Overlap of enlarged bodies that is not corrected."""
+SLOP_CM = 2 * MARGIN_CM  # overlap of enlarged bodies that is not corrected
 
 PUSHED_CM = 0.1
 """Distance in cm by which contacts may move a robot farther than the fastest robot drives before anybody looks."""
 
-NOBODY = -1
-"""Stands for no robot."""
+NOBODY = -1  # stands for no robot
 
 _ROUNDING_CM = 1e-6
 _EQUAL_CM = 1e-9

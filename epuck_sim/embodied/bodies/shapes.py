@@ -21,24 +21,14 @@ from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
 
-WALL_CM = 50.0
-"""Thickness of the walls in cm: far more than a robot can cover in one physics step."""
-
-GRAVITY_CM_S2 = 981.0
-"""Acceleration of gravity in cm/s^2, which makes a weight of a mass."""
-
-DYNES_PER_NEWTON = 1e5
-"""Force of 1 N in g cm/s^2, the unit of forces where masses are g and lengths cm."""
-
-_ROBOTS = 1
-"""pymunk's group of shapes that do not touch each other: robots that pass through each other."""
-
+WALL_CM = 50.0  # thickness of the walls in cm: far more than a robot can cover in one physics step
+GRAVITY_CM_S2 = 981.0  # acceleration of gravity in cm/s^2, which makes a weight of a mass
+DYNES_PER_NEWTON = 1e5  # force of 1 N in g cm/s^2, the unit of forces where masses are g and lengths cm
+_ROBOTS = 1  # pymunk's group of shapes that do not touch each other: robots that pass through each other
 
 Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 
-
-Disc = tuple[pymunk.Body, pymunk.Shape]
-"""The body of a robot or a movable, and its shape."""
+Disc = tuple[pymunk.Body, pymunk.Shape]  # the body of a robot or a movable, and its shape
 
 Drive = tuple[pymunk.Body, pymunk.Constraint]
 """What drives a robot where there are movables: a body with the commanded velocity, and its joint with it."""
@@ -48,16 +38,12 @@ Drive = tuple[pymunk.Body, pymunk.Constraint]
 class Bodies:
     """All bodies of an arena."""
 
-    ground: pymunk.Body
-    """The body of the floor, whose shapes are the surfaces."""
-    surfaces: list[pymunk.Shape]
-    """Walls and obstacles."""
+    ground: pymunk.Body  # the body of the floor, whose shapes are the surfaces
+    surfaces: list[pymunk.Shape]  # walls and obstacles
     robots: list[Disc]
     movables: list[Disc]
-    holds: list[pymunk.Constraint]
-    """The floor's friction on each movable."""
-    drives: list[Drive]
-    """The drive of each robot; none without movables."""
+    holds: list[pymunk.Constraint]  # the floor's friction on each movable
+    drives: list[Drive]  # the drive of each robot; none without movables
 
     @property
     def listed(self) -> list[Thing]:

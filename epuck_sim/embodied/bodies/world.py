@@ -32,8 +32,7 @@ class World:
     `is_public` is true, as is `scene.moved_publicly`, and `step` moves them in Python: slowly, to the same outcome.
     """
 
-    is_public: bool
-    """Whether Python moves the bodies."""
+    is_public: bool  # whether Python moves the bodies
     _addresses: npt.NDArray[Any]
     """What `addresses` returns, and more; objects instead of addresses where Python moves the bodies."""
 

@@ -26,8 +26,7 @@ from epuck_sim.util.native import array_at
 from epuck_sim.util.rng import next_word, share_of, uniform
 from epuck_sim.util.seeds import robot_streams
 
-KINDS = tuple(FAULTS)
-"""Names of the kinds, by their numbers."""
+KINDS = tuple(FAULTS)  # names of the kinds, by their numbers
 
 RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
 CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART, SENSOR_DEAD = range(5, 11)

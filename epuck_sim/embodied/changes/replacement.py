@@ -34,10 +34,8 @@ _PLACES = {
 class Replaced(NamedTuple):
     """What the robots of a group remember that have a new controller."""
 
-    kept: tuple[str, ...]
-    """Fields that robots still remember."""
-    started: tuple[str, ...]
-    """Fields of the new controller that have begun anew."""
+    kept: tuple[str, ...]  # fields that robots still remember
+    started: tuple[str, ...]  # fields of the new controller that have begun anew
 
 
 def check_alike(old: Controller, new: Controller) -> None:
@@ -108,11 +106,8 @@ def _move(old_block: ByteArray, block: ByteArray, replaced: int) -> None:
 
 # --- files that are saved ------------------------------------------------------------------------------
 
-LOOK_S = 0.25
-"""Time between two looks at the files, s."""
-
-SETTLED_S = 0.1
-"""Time since a file was last written from which on it is taken as saved completely, s."""
+LOOK_S = 0.25  # time between two looks at the files, s
+SETTLED_S = 0.1  # time since a file was last written from which on it is taken as saved completely, s
 
 SOURCES = {".py": (".py",), ".c": (".c", ".h"), ".so": (".so",)}
 """By the ending of a controller's file: endings of the files beside it from which it may be made."""

@@ -47,13 +47,11 @@ from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.rng import uniform
 
-NEVER = -2
-"""Control step in which a picture arrives before a camera has taken its first."""
+NEVER = -2  # control step in which a picture arrives before a camera has taken its first
 
 _LEFT, _RIGHT, _LOWER, _UPPER = range(4)
 
-FEW_LIT = 8
-"""Measured: to look at the lit first is as fast as to search for all robots at once if lit^2 = 8 robots."""
+FEW_LIT = 8  # measured: to look at the lit first is as fast as to search for all robots at once if lit^2 = 8 robots
 
 
 def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, control_hz: float) -> None:

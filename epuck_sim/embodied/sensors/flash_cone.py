@@ -17,8 +17,7 @@ from epuck_sim.scenario.robots import ConeSection, ConeSignal, EnkiCameraSignal,
 from epuck_sim.util.elementary import hypot, sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
-_FULL_CIRCLE_COS = -2.0
-"""Stands for the cosine of half the angle of a full circle; below any cosine."""
+_FULL_CIRCLE_COS = -2.0  # stands for the cosine of half the angle of a full circle; below any cosine
 
 
 def set_cone(record: Any, section: SectorSection, forward_cm: float) -> None:
