@@ -69,8 +69,7 @@ class Rules(NamedTuple):
 
     beginning: ByteArray
     """Bytes with which the block of a swarm begins to which nothing has happened; others are of no account."""
-    size: int
-    """Number of bytes of a block."""
+    size: int  # number of bytes of a block
     addresses: IntArray
     """Addresses, in this process, of what compiled code calls, see `swarm.SEARCH`; 0 for what it does not."""
 
@@ -81,8 +80,7 @@ class Rules(NamedTuple):
         return block
 
 
-KEPT = 4
-"""Number of scenarios whose rules are kept for the next simulation."""
+KEPT = 4  # number of scenarios whose rules are kept for the next simulation
 
 _kept: dict[tuple[int, ...], tuple[object, Rules]] = {}
 

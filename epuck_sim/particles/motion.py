@@ -20,8 +20,7 @@ from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at, unlikely
 from epuck_sim.util.rng import randint, uniform
 
-NO_WALL = -1
-"""Stands for a wall where a trajectory ends because a run does."""
+NO_WALL = -1  # stands for a wall where a trajectory ends because a run does
 
 LONGEST_RUN = 1e12
 """Cycles: upper limit of a run; no trial lasts as long, and times as long as this still have digits to spare."""

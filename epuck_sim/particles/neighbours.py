@@ -45,27 +45,20 @@ KINDS = {
 UNLIMITED_CM = 1e30
 """An unlimited radius: farther than any agent, but finite, as an agent's distance to itself is set to inf."""
 
-FULL_CIRCLE_COS = -2.0
-"""Stands for the cosine of a cone that is a full circle; below any cosine."""
+FULL_CIRCLE_COS = -2.0  # stands for the cosine of a cone that is a full circle; below any cosine
 
 SKIPPED_PULSES, SKIPPED_PULSES_CONE = 8, 32
 """Number of pulses for which caching is skipped after a cached neighbourhood expired within a cycle; and the same for a
 cone or range, whose validity takes longer to compute."""
 
-RADIUS_GROWTH = 1.5
-"""Factor by which the search radius grows while fewer than k agents are found."""
-
-MAX_CACHED = 4_000_000
-"""Largest number of neighbours that are cached, of all agents together: they take 16 MB."""
-
-MIN_CELL_LIST_AGENTS = 400
-"""Smallest swarm that uses a cell list; in smaller ones a search over all pairs is faster."""
+RADIUS_GROWTH = 1.5  # factor by which the search radius grows while fewer than k agents are found
+MAX_CACHED = 4_000_000  # largest number of neighbours that are cached, of all agents together: they take 16 MB
+MIN_CELL_LIST_AGENTS = 400  # smallest swarm that uses a cell list; in smaller ones a search over all pairs is faster
 
 MAX_SHARE, MAX_SHARE_NEAREST = 1 / 3, 1 / 6
 """Largest share of all agents that a search in the cell list looks at; otherwise a search over all pairs is faster."""
 
-BALL_VOLUME = {1: 2.0, 2: math.pi, 3: 4 / 3 * math.pi}
-"""Length, area or volume of a ball of radius 1, by dimensions."""
+BALL_VOLUME = {1: 2.0, 2: math.pi, 3: 4 / 3 * math.pi}  # length, area or volume of a ball of radius 1, by dimensions
 
 
 def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:

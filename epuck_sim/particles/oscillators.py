@@ -17,17 +17,13 @@ BRANCHES = 32
 """Number of oscillators in a block, and in large swarms of blocks in a group, and of groups in a part. All these keep
 their earliest firing time, or -inf until it is searched again: a firing costs little however many there are."""
 
-FLAT = 2048
-"""Largest number of oscillators without groups and parts: to look at all blocks is as fast."""
+FLAT = 2048  # largest number of oscillators without groups and parts: to look at all blocks is as fast
 
 SIMULTANEITY_CYCLES = 1e-12
 """Firings no farther apart than this count as simultaneous: rounding separates merged oscillators by less."""
 
-Moment = tuple[float, float]
-"""A cycle, from 0, and the time in it, 0 to 1."""
-
-ROUNDING_MARGIN = 1e-12
-"""Upper bound, with a wide margin, of the rounding error of an order parameter."""
+Moment = tuple[float, float]  # a cycle, from 0, and the time in it, 0 to 1
+ROUNDING_MARGIN = 1e-12  # upper bound, with a wide margin, of the rounding error of an order parameter
 
 COMPLEX, REFERENCE = range(2)
 """Metrics: the modulus of the mean phasor (eq. 5.7), the mean cosine of phases relative to the reference (eq. 3.4)."""

@@ -35,18 +35,12 @@ MULTIPLICATIVE, SAWTOOTH, SINE, ADDITIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR, FR
 class Response(NamedTuple):
     """A response curve and its parameters."""
 
-    curve: int
-    """Index in `CURVES`, or `FROM_FILE`."""
-    coupling: float
-    """Strength of the response: epsilon, or kappa of the sawtooth and sine curves."""
-    refractory: float
-    """D: end of the refractory period; up to this phase, pulses have no effect."""
-    dissipation: float = 3.0
-    """b of Mirollo and Strogatz: how concave the state is as a function of the phase."""
-    knee: float = 0.5
-    """Phase up to which the piecewise linear curve has its early slope."""
-    early_slope: float = 1.0
-    """That slope as a multiple of the later one."""
+    curve: int  # index in `CURVES`, or `FROM_FILE`
+    coupling: float  # strength of the response: epsilon, or kappa of the sawtooth and sine curves
+    refractory: float  # D: end of the refractory period; up to this phase, pulses have no effect
+    dissipation: float = 3.0  # b of Mirollo and Strogatz: how concave the state is as a function of the phase
+    knee: float = 0.5  # phase up to which the piecewise linear curve has its early slope
+    early_slope: float = 1.0  # that slope as a multiple of the later one
     address: int = 0
     """Address, in this process, of the function (bytes, phase) that returns the shift of a user's curve."""
     bytes: ByteArray = np.zeros(0, np.uint8)

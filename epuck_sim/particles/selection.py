@@ -10,14 +10,12 @@ import math
 from epuck_sim.arrays import FloatArray, IndexArray
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
-FEW = 6
-"""Largest number of values for which one pass finds the limit up to which they are: faster than buckets."""
+FEW = 6  # largest number of values for which one pass finds the limit up to which they are: faster than buckets
 
 SAMPLED = 8
 """Every eighth value is looked at for the range that is divided into buckets; larger ones go to the last bucket."""
 
-SMALLEST_RANGE = 1e-300
-"""Lower limit of the range of values that is divided into buckets; keeps its inverse finite."""
+SMALLEST_RANGE = 1e-300  # lower limit of the range of values that is divided into buckets; keeps its inverse finite
 
 
 @jit_inline

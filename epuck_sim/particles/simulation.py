@@ -30,29 +30,20 @@ from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import whole
 from epuck_sim.util.native import compile_kernel
 
-NEVER: Moment = (math.inf, 0.0)
-"""Later than any moment of a trial."""
+NEVER: Moment = (math.inf, 0.0)  # later than any moment of a trial
 
 SCHEDULE_SEED = 4
 """Index of the seed of schedules among the children of a trial's seed, after those of `initial_conditions`."""
 
-UNLIMITED = 2**62
-"""Larger than any count or cycle number."""
+UNLIMITED = 2**62  # larger than any count or cycle number
 
 SHIFTS_ONLY = 50
 """Swarms of this size or larger have links of pulses only where a phase was shifted: if all fire, all receive all."""
 
-FIRST_ROOM = 8
-"""Links for each agent for which there is room at first; more are made when they are needed."""
-
-NOBODY = np.empty(0, np.int64)
-"""Indices of the agents that fire or receive where none do."""
-
-SIDE_IN_RADII = 60
-"""Side of the space of agents, in radii of the disc that is drawn for each."""
-
-GLOW = 0.075
-"""Share of a period for which an agent that has fired is drawn lit; a robot's flash lasts as long."""
+FIRST_ROOM = 8  # links for each agent for which there is room at first; more are made when they are needed
+NOBODY = np.empty(0, np.int64)  # indices of the agents that fire or receive where none do
+SIDE_IN_RADII = 60  # side of the space of agents, in radii of the disc that is drawn for each
+GLOW = 0.075  # share of a period for which an agent that has fired is drawn lit; a robot's flash lasts as long
 
 
 class Event(NamedTuple):

@@ -24,8 +24,7 @@ from epuck_sim.util.generators import GENERATOR_WORDS, SEQUENCE_WORDS
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import record_type
 
-STREAM = record_type([("words", "u8", 4)])
-"""State of a random number generator; see `util.rng`."""
+STREAM = record_type([("words", "u8", 4)])  # state of a random number generator; see `util.rng`
 
 FLOAT, INT, INDEX, FLAG, BYTE = map(np.dtype, (np.float64, np.int64, np.uint32, np.bool_, np.uint8))
 WORD_BYTES = 8
@@ -178,8 +177,7 @@ CURVE, SEARCH, CONTINUE, BEGIN_RUN, REORIENT = range(5)
 """Numbers of what compiled code calls: a user's response curve, and the functions (block, addresses, agent, time) that
 find the receivers of an agent's pulse, continue an agent's trajectory, begin its next run, and reorient all agents."""
 
-CALLS = 5
-"""Length of the array of addresses."""
+CALLS = 5  # length of the array of addresses
 
 
 def make_block(sizes: Mapping[str, int]) -> ByteArray:
@@ -265,8 +263,7 @@ Neighbours = _part("Neighbours", f"scene {_FOUND} candidates positions headings 
 """The neighbours that were found last, and the candidates among which they are searched for."""
 
 Instant = _part("Instant", "scene fired received is_done curve reached is_reached headings_before")
-Observed = _part("Observed", "positions_now phases_now")
-"""What Python asks for."""
+Observed = _part("Observed", "positions_now phases_now")  # what Python asks for
 
 
 @jit_inline

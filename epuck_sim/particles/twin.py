@@ -13,10 +13,8 @@ from epuck_sim.scenario.particles import ParticleScenario
 class TwinComparison(NamedTuple):
     """A trial compared with its undisturbed twin at given times."""
 
-    time_s: FloatArray
-    """(times,) s"""
-    order_parameter: FloatArray
-    """(times,) complex order parameter (eq. 5.7) of the disturbed trial at these times."""
+    time_s: FloatArray  # (times,) s
+    order_parameter: FloatArray  # (times,) complex order parameter (eq. 5.7) of the disturbed trial at these times
     deviation: FloatArray
     """(times, agents) distance of each phase from that of the same agent in the twin, 0 to 0.5 cycles."""
 
