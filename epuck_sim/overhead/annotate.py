@@ -37,12 +37,9 @@ class TrackedFrame(NamedTuple):
 
     frame: Frame
     rings: Sequence[Ring]
-    start_s: float
-    """Beginning of the trial on the film's clock."""
-    evaluation: Evaluation | None
-    """The evaluation that this frame completed."""
-    histogram_s: float | None
-    """First mode around which the histogram was narrow enough, on the film's clock."""
+    start_s: float  # beginning of the trial on the film's clock
+    evaluation: Evaluation | None  # the evaluation that this frame completed
+    histogram_s: float | None  # first mode around which the histogram was narrow enough, on the film's clock
 
 
 class Annotator:

@@ -97,33 +97,22 @@ def parse_metadata(description: Mapping[str, Any] | None) -> FilmMetadata:
 class TrackOptions(NamedTuple):
     """What the user knows about a film; None for what its description or its pictures must provide."""
 
-    arena_cm: tuple[float, float] | None = None
-    """Width and height of the floor."""
-    height_cm: float | None = None
-    """Height of the camera above the floor."""
-    corners_px: tuple[tuple[float, float], ...] | None = None
-    """(column, row) of each of the floor's four corners."""
-    period_s: float | None = None
-    """Period of the oscillators."""
-    robots: int | None = None
-    """Number of robots."""
-    threshold_ms: float | None = None
-    """Spread at which the swarm counts as synchronised by the histogram."""
+    arena_cm: tuple[float, float] | None = None  # width and height of the floor
+    height_cm: float | None = None  # height of the camera above the floor
+    corners_px: tuple[tuple[float, float], ...] | None = None  # (column, row) of each of the floor's four corners
+    period_s: float | None = None  # period of the oscillators
+    robots: int | None = None  # number of robots
+    threshold_ms: float | None = None  # spread at which the swarm counts as synchronised by the histogram
     order_parameter: float | None = None
     """Order parameter of the onsets at which the swarm counts as synchronised; 0.95 if it is None."""
 
-    lens: Path | None = None
-    """The file of the lens, if it was calibrated."""
-    tags: str | None = None
-    """Dictionary of the ArUco tags on top of robots, by which they are told apart."""
+    lens: Path | None = None  # the file of the lens, if it was calibrated
+    tags: str | None = None  # dictionary of the ArUco tags on top of robots, by which they are told apart
     tag_numbers: frozenset[int] | None = None
     """Numbers of the tags that there are; all that are read often count if it is None."""
-    start_s: float = 0.0
-    """Time on the film's clock before which frames are left out."""
-    end_s: float = math.inf
-    """Time on the film's clock after which frames are left out."""
-    fps: float | None = None
-    """Frames per second, instead of the film's own time stamps."""
+    start_s: float = 0.0  # time on the film's clock before which frames are left out
+    end_s: float = math.inf  # time on the film's clock after which frames are left out
+    fps: float | None = None  # frames per second, instead of the film's own time stamps
 
     def with_defaults(self, metadata: FilmMetadata, arena_cm: tuple[float, float] | None = None) -> Self:
         """Return these options, completed where they are None from a film's metadata, or else by an arena's size."""
@@ -251,14 +240,11 @@ def _lit_corners(frames: Iterator[Frame]) -> tuple[FloatArray | None, Iterator[F
 class SeenRings(NamedTuple):
     """How rings look in pictures."""
 
-    places_px: FloatArray
-    """(n, 2) column and row of their middles."""
-    radius_px: FloatArray
-    """(n,) mean radii."""
+    places_px: FloatArray  # (n, 2) column and row of their middles
+    radius_px: FloatArray  # (n,) mean radii
     flattening: FloatArray
     """(n, 2) cosine and sine amplitudes of the radius along twice the angle, relative to the radius."""
-    light: float = 0.0
-    """Median levels by which they are brighter than their inside."""
+    light: float = 0.0  # median levels by which they are brighter than their inside
 
     @property
     def number(self) -> int:

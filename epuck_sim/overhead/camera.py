@@ -23,17 +23,14 @@ from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.util.atomic_write import atomic_write
 
-Picture = npt.NDArray[np.uint8]
-"""(height_px, width_px, 3) red, green, blue; row 0 is the upper edge."""
-Light = npt.NDArray[np.uint8]
-"""(rows, columns) one channel of a picture or of the rectified view."""
+Picture = npt.NDArray[np.uint8]  # (height_px, width_px, 3) red, green, blue; row 0 is the upper edge
+Light = npt.NDArray[np.uint8]  # (rows, columns) one channel of a picture or of the rectified view
 
 
 class Frame(NamedTuple):
     """One picture of a film."""
 
-    time_s: float
-    """Beginning of its exposure, on the film's own clock."""
+    time_s: float  # beginning of its exposure, on the film's own clock
     picture: Picture
 
 
@@ -70,12 +67,9 @@ seen straight on, or always askew in the same way, a board nearby looks as one f
 class Lens(NamedTuple):
     """Where a camera's picture shows a direction: OpenCV's camera matrix and distortion, of a usual or fisheye lens."""
 
-    focal_px: float
-    """Focal length across the picture."""
-    focal_down_px: float
-    """Focal length down the picture; the same where pixels are square."""
-    middle_px: tuple[float, float]
-    """Column and row that the optical axis meets."""
+    focal_px: float  # focal length across the picture
+    focal_down_px: float  # focal length down the picture; the same where pixels are square
+    middle_px: tuple[float, float]  # column and row that the optical axis meets
     coefficients: tuple[float, ...]
     """OpenCV's distortion coefficients: k1, k2, p1, p2, k3 of its usual model, or k1 to k4 of its fisheye model."""
     is_fisheye: bool = False
@@ -101,10 +95,8 @@ class CameraModel(NamedTuple):
     width_px: int
     height_px: int
     lens: Lens
-    rotation: FloatArray
-    """(3, 3) rotation from the arena's frame into the camera's."""
-    position_cm: FloatArray
-    """(3,) position of the pinhole in the arena's frame."""
+    rotation: FloatArray  # (3, 3) rotation from the arena's frame into the camera's
+    position_cm: FloatArray  # (3,) position of the pinhole in the arena's frame
 
     def project(self, points_cm: FloatArray) -> FloatArray:
         """Return (n, 2) px: column and row that show (n, 3) points in front of the camera, cm; n > 0."""
@@ -139,22 +131,16 @@ class Geometry(NamedTuple):
     """The camera that took a film, where the floor is in its pictures, and how well both are known."""
 
     camera: CameraModel
-    floor_cm: tuple[float, float]
-    """Width and height, along y, of the floor."""
-    calibration: str
-    """What the camera was determined from."""
-    knows_floor: bool
-    """Whether the floor's place in the picture is known, so that rings outside of it are left out."""
+    floor_cm: tuple[float, float]  # width and height, along y, of the floor
+    calibration: str  # what the camera was determined from
+    knows_floor: bool  # whether the floor's place in the picture is known, so that rings outside of it are left out
     error_cm: float = 0.0
     """Standard error of positions at the floor's corners, or relative to each other; 0 if nothing tells."""
-    tilt_deg: float = 0.0
-    """Angle between the camera's axis and straight down."""
-    background: Light | None = None
-    """Constant light of the dark scene without rings."""
+    tilt_deg: float = 0.0  # angle between the camera's axis and straight down
+    background: Light | None = None  # constant light of the dark scene without rings
     ring_light: float = 0.0
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
-    ring_size: float = 1.0
-    """Radius of the rings by the floor's corners, relative to the known one."""
+    ring_size: float = 1.0  # radius of the rings by the floor's corners, relative to the known one
 
     def floor_outline_px(self) -> FloatArray:
         """Return (n, 2) px: the outline of the floor, in order."""
@@ -223,12 +209,9 @@ class LensFile(BaseModel):
     middle_px: tuple[float, float]
     coefficients: tuple[float, ...] = Field(min_length=4, max_length=14)
     is_fisheye: bool
-    views: int = 0
-    """Number of pictures that it was calibrated from."""
-    error_px: float = 0.0
-    """Root mean square distance of the board's corners from where this lens would show them."""
-    digest: str = ""
-    """That of all the rest; empty in files of version 0.1.0."""
+    views: int = 0  # number of pictures that it was calibrated from
+    error_px: float = 0.0  # root mean square distance of the board's corners from where this lens would show them
+    digest: str = ""  # that of all the rest; empty in files of version 0.1.0
 
     @property
     def lens(self) -> Lens:

@@ -165,10 +165,8 @@ class QuantityComparison(NamedTuple):
     name: str
     unit: str
     film: float
-    trials: FloatArray
-    """(trials,) the same quantity of trials; NaN where they do not tell."""
-    end: float = 0.0
-    """The film's end, in cycles: what is beyond is at least as large."""
+    trials: FloatArray  # (trials,) the same quantity of trials; NaN where they do not tell
+    end: float = 0.0  # the film's end, in cycles: what is beyond is at least as large
 
     @property
     def beyond(self) -> int:
@@ -214,8 +212,7 @@ class Verdict(NamedTuple):
     p_value: float
     """Share of the film and the trials whose farthest quantity is at least as far from the others as the film's; NaN if
     nothing can be said."""
-    sentence: str
-    """What is to be said, and what to do if that is little."""
+    sentence: str  # what is to be said, and what to do if that is little
 
 
 def judge(rows: Sequence[QuantityComparison]) -> Verdict:

@@ -284,8 +284,7 @@ GROWING = {"movflags": "+empty_moov+default_base_moof", "frag_duration": "500000
 class FilmWriter:
     """Writes frames into the file of a film; `film_file` makes one."""
 
-    has_frames = False
-    """Whether a frame was written."""
+    has_frames = False  # whether a frame was written
 
     def __init__(self, container: OutputContainer, size_px: tuple[int, int]) -> None:
         self._last_tick = -1

@@ -30,13 +30,10 @@ class Flash(NamedTuple):
 
     onset_s: float
     end_s: float
-    x_cm: float
-    """Mean place in the arena's frame."""
+    x_cm: float  # mean place in the arena's frame
     y_cm: float
-    light: float
-    """Largest levels by which the ring was brighter than its inside."""
-    x_cm_s: float = 0.0
-    """Mean velocity while it was lit; 0 if a single frame shows it."""
+    light: float  # largest levels by which the ring was brighter than its inside
+    x_cm_s: float = 0.0  # mean velocity while it was lit; 0 if a single frame shows it
     y_cm_s: float = 0.0
 
 
@@ -45,12 +42,9 @@ class FlashTable(NamedTuple):
 
     onset_s: FloatArray
     end_s: FloatArray
-    places_cm: FloatArray
-    """(flashes, 2) mean places."""
-    velocities_cm_s: FloatArray
-    """(flashes, 2) velocities while lit."""
-    light: FloatArray
-    """(flashes,) largest levels by which rings were brighter than their inside."""
+    places_cm: FloatArray  # (flashes, 2) mean places
+    velocities_cm_s: FloatArray  # (flashes, 2) velocities while lit
+    light: FloatArray  # (flashes,) largest levels by which rings were brighter than their inside
 
     @classmethod
     def of(cls, flashes: Sequence[Flash]) -> Self:
@@ -171,25 +165,16 @@ def count_places(places_cm: Iterable[tuple[float, float]]) -> int:
 class CountedRings(NamedTuple):
     """The lit rings of a trial that was filmed, or simulated as if it were."""
 
-    frames: int
-    """Number of frames, including those of a lit beginning."""
-    start_s: float
-    """Beginning of the trial on the film's clock."""
-    times_s: FloatArray
-    """(frames,) s: times of the trial's frames on the film's clock."""
-    counts: IntArray
-    """(frames,) lit rings in each of them."""
-    areas_px: IntArray
-    """(frames,) pixels of the floor that are lit in each of them; 0 where there are no pictures."""
-    flashes: tuple[Flash, ...]
-    """Flashes of the trial, in order of their onsets."""
+    frames: int  # number of frames, including those of a lit beginning
+    start_s: float  # beginning of the trial on the film's clock
+    times_s: FloatArray  # (frames,) s: times of the trial's frames on the film's clock
+    counts: IntArray  # (frames,) lit rings in each of them
+    areas_px: IntArray  # (frames,) pixels of the floor that are lit in each of them; 0 where there are no pictures
+    flashes: tuple[Flash, ...]  # flashes of the trial, in order of their onsets
     geometry: Geometry
-    outside: int = 0
-    """Number of rings seen outside of the floor: those of a neighbour, or mirror images."""
-    always_lit: Sequence[Ring] = ()
-    """Rings on the floor that never went off."""
-    dazzled: float = 0.0
-    """Share of the floor that always shines, as bright as rings."""
+    outside: int = 0  # number of rings seen outside of the floor: those of a neighbour, or mirror images
+    always_lit: Sequence[Ring] = ()  # rings on the floor that never went off
+    dazzled: float = 0.0  # share of the floor that always shines, as bright as rings
     rings: Sequence[Sequence[Ring]] = ()
     """Rings on the floor in each frame, including those of a lit beginning; empty if it was not filmed."""
 

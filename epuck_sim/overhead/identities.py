@@ -44,15 +44,12 @@ EDGE_CM = epuck.RADIUS_CM  # distance from the walls within which no robot's mid
 class Identities(NamedTuple):
     """Whose flashes are whose."""
 
-    robot: IntArray
-    """(flashes,) number of the robot, from 0, in order of their first flashes."""
-    cycle: IntArray
-    """(flashes,) which of its own flashes this is, from 1."""
+    robot: IntArray  # (flashes,) number of the robot, from 0, in order of their first flashes
+    cycle: IntArray  # (flashes,) which of its own flashes this is, from 1
     certainty: FloatArray
     """(flashes,) probability that the link to the robot's flash before is right, against the best alternative; NaN for
     a robot's first flash."""
-    speed_cm_s: float
-    """Speed of a robot that drives straight ahead."""
+    speed_cm_s: float  # speed of a robot that drives straight ahead
 
     @property
     def robots(self) -> int:
@@ -166,41 +163,28 @@ class Ways(NamedTuple):
     """Ways from one flash to another: how they would differ from a straight one, and from one with a single turn."""
 
     gap_s: FloatArray
-    distance: FloatArray
-    """From place to place, cm."""
-    along: FloatArray
-    """From the end of a straight way, along the mean heading, cm."""
-    aside: FloatArray
-    """The same across the mean heading."""
-    swerve: FloatArray
-    """Difference of the headings, rad from -pi to pi."""
+    distance: FloatArray  # from place to place, cm
+    along: FloatArray  # from the end of a straight way, along the mean heading, cm
+    aside: FloatArray  # the same across the mean heading
+    swerve: FloatArray  # difference of the headings, rad from -pi to pi
     has_turn: BoolArray
     """Whether the lines ahead of the first and back from the second flash meet on the floor, in time."""
-    turn_s: FloatArray
-    """Time left for the turn, where they do."""
-    wall_s: FloatArray
-    """Time after which the line ahead of the first flash meets a wall."""
+    turn_s: FloatArray  # time left for the turn, where they do
+    wall_s: FloatArray  # time after which the line ahead of the first flash meets a wall
 
 
 class Habits(NamedTuple):
     """What is usual of the robots of a film."""
 
     period_s: float
-    speed_cm_s: float
-    """Speed of a robot that drives straight ahead."""
+    speed_cm_s: float  # speed of a robot that drives straight ahead
     floor_cm: tuple[float, float]
-    cycles: FloatArray
-    """(BINS,) density of cycles between `SHORTEST` and `LONGEST` periods, per period."""
-    kinds: FloatArray
-    """(3,) shares of ways that are straight, have one turn, or are anything else."""
-    along: float
-    """Standard deviation along a straight way, relative to its length."""
-    aside: float
-    """Standard deviation across a straight way, relative to its length."""
-    swerve: float
-    """Standard deviation of the heading's change on a straight way, rad."""
-    turn_s: float
-    """Mean duration of a turn."""
+    cycles: FloatArray  # (BINS,) density of cycles between `SHORTEST` and `LONGEST` periods, per period
+    kinds: FloatArray  # (3,) shares of ways that are straight, have one turn, or are anything else
+    along: float  # standard deviation along a straight way, relative to its length
+    aside: float  # standard deviation across a straight way, relative to its length
+    swerve: float  # standard deviation of the heading's change on a straight way, rad
+    turn_s: float  # mean duration of a turn
 
     @classmethod
     def at_first(cls, flashes: FlashTable, period_s: float, floor_cm: tuple[float, float]) -> Self:

@@ -48,14 +48,10 @@ PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</t
 class Watching(NamedTuple):
     """What is written and shown while a camera films; None for what is not."""
 
-    record: Path | None = None
-    """A film of all that the camera delivers, to track it again."""
-    rings: Path | None = None
-    """A CSV table of all rings in all frames."""
-    annotate: Path | None = None
-    """A film with the rings found and the histogram drawn."""
-    port: int | None = None
-    """Port of a page that shows the same as `annotate`."""
+    record: Path | None = None  # a film of all that the camera delivers, to track it again
+    rings: Path | None = None  # a CSV table of all rings in all frames
+    annotate: Path | None = None  # a film with the rings found and the histogram drawn
+    port: int | None = None  # port of a page that shows the same as `annotate`
 
 
 def track_camera(
@@ -256,8 +252,7 @@ class LivePage(ThreadingHTTPServer):
     """Serves a page with the newest picture of a film, for the duration of a block, to browsers on this machine."""
 
     daemon_threads = True
-    jpeg = b""
-    """The newest picture, coded; empty before the first one."""
+    jpeg = b""  # the newest picture, coded; empty before the first one
 
     def __init__(self, title: str, port: int) -> None:
         """Begin to listen at a port, 0 for any that is free; raise PortError where it cannot be used."""

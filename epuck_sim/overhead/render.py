@@ -77,14 +77,10 @@ _MARK = np.array([(3.2, 0.0), (0.4, 1.26), (0.4, -1.26)])
 class ExposureSample(NamedTuple):
     """The robots at one moment of an exposure."""
 
-    poses: FloatArray
-    """(robots, 3) cm, cm, rad: x, y, heading."""
-    ring_on: BoolArray
-    """(robots,) which rings are on."""
-    movables: FloatArray = NO_MOVABLES
-    """(movables, 2) cm: where the arena's movables are."""
-    arena: Arena | None = None
-    """Walls and obstacles; by default those that the renderer was made with."""
+    poses: FloatArray  # (robots, 3) cm, cm, rad: x, y, heading
+    ring_on: BoolArray  # (robots,) which rings are on
+    movables: FloatArray = NO_MOVABLES  # (movables, 2) cm: where the arena's movables are
+    arena: Arena | None = None  # walls and obstacles; by default those that the renderer was made with
 
 
 class Renderer:

@@ -169,29 +169,23 @@ class Ring(NamedTuple):
     x_px: float
     y_px: float
     radius_px: float
-    light: float = 0.0
-    """Levels by which the ring is brighter than its inside."""
+    light: float = 0.0  # levels by which the ring is brighter than its inside
 
 
 class Fit(NamedTuple):
     """A circle fitted to a ring of light."""
 
     column: float
-    row: float
-    """Its centre is in this row of the view."""
+    row: float  # its centre is in this row of the view
     radius_cm: float
     flattening: tuple[float, float]
     """Amplitude of the radius along twice the angle, cosine and sine, relative to the radius: 0 for a circle."""
     misfit_cm: float
     """Root mean square distance of the inner edge from the circle, without edges more than `OUTLIER_CM` off."""
-    covered: float
-    """Share of the directions in which there is light on the circle."""
-    light: float
-    """Median level on the circle, above that of its inside."""
-    inside: float
-    """Mean level within half the radius, relative to the median level on the circle."""
-    beyond: float
-    """Mean level outside of the circle, relative to that on the circle; both above the inside."""
+    covered: float  # share of the directions in which there is light on the circle
+    light: float  # median level on the circle, above that of its inside
+    inside: float  # mean level within half the radius, relative to the median level on the circle
+    beyond: float  # mean level outside of the circle, relative to that on the circle; both above the inside
 
 
 class RingFinder:

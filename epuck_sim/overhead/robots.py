@@ -30,24 +30,19 @@ NEAR_CM = 0.8 * epuck.RADIUS_CM  # largest distance of a flash from its robot's 
 MAX_GAP_S = 1.5  # longest time without a reading over which a robot's way is taken to be straight
 
 TIMES = ("time_s", "onset_s", "duration_s")  # columns of times, none of which is unknown
-
-Columns = dict[str, npt.NDArray[Any]]
-"""Columns of equal length, by their names."""
+Columns = dict[str, npt.NDArray[Any]]  # columns of equal length, by their names
 
 
 class Robots(NamedTuple):
     """The robots of a film, and whose flashes are whose."""
 
-    by: Literal["motion", "tags"]
-    """How they are identified."""
+    by: Literal["motion", "tags"]  # how they are identified
     flashes: FlashTable
     identities: Identities
-    numbers: IntArray
-    """(robots,) their numbers, ascending: those of their tags, or from 0."""
+    numbers: IntArray  # (robots,) their numbers, ascending: those of their tags, or from 0
     poses: FloatArray | None
     """(frames, robots, 3) cm, cm, rad: x, y, heading by tags, NaN where none is read; None without tags."""
-    warnings: tuple[str, ...]
-    """Sentences about what is doubtful."""
+    warnings: tuple[str, ...]  # sentences about what is doubtful
 
 
 def find_robots(track: Track) -> Robots:

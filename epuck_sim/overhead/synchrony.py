@@ -34,14 +34,10 @@ MIN_RINGS = 2  # rings lit at the mode of a synchronised swarm: a lone flash is 
 class Evaluation(NamedTuple):
     """The histogram over the period around a mode, at the moment when the mode passes the midpoint."""
 
-    time_s: float
-    """Time of the mode, the middle of the period."""
-    rings: int
-    """Number of rings lit at the mode."""
-    spread_s: float
-    """Standard deviation of the histogram."""
-    coverage: float
-    """Fraction of the period for which there are frames: 1 without gaps."""
+    time_s: float  # time of the mode, the middle of the period
+    rings: int  # number of rings lit at the mode
+    spread_s: float  # standard deviation of the histogram
+    coverage: float  # fraction of the period for which there are frames: 1 without gaps
 
 
 class SynchronyDetector:
@@ -194,9 +190,7 @@ def order_at_end(onsets_s: FloatArray, period_s: float, end_s: float, robots: in
     return highest
 
 
-Events = tuple[FloatArray, FloatArray]
-"""Times, (n,) s, ascending, and sizes, (n,): how many rings go on or off."""
-
+Events = tuple[FloatArray, FloatArray]  # times, (n,) s, ascending, and sizes, (n,): how many rings go on or off
 MIN_PERIODS = 2.5  # minimum number of periods in a film; with fewer, any chance repetition would pass for the period
 MIN_CORRELATION = 0.3
 """Minimum autocorrelation at the period in a film of many periods: above that of robots that flash at random for a

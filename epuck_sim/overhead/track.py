@@ -47,64 +47,45 @@ class Track(NamedTuple):
     """What was found in a film."""
 
     film: str
-    frames: int
-    """Number of frames, including those of a lit beginning."""
-    fps: float
-    """Frames per second, by the median time from one frame to the next."""
-    duration_s: float
-    """Duration of the trial."""
-    start_s: float
-    """Beginning of the trial on the film's clock: the first dark frame."""
-    calibration: str
-    """What the camera was determined from."""
+    frames: int  # number of frames, including those of a lit beginning
+    fps: float  # frames per second, by the median time from one frame to the next
+    duration_s: float  # duration of the trial
+    start_s: float  # beginning of the trial on the film's clock: the first dark frame
+    calibration: str  # what the camera was determined from
     period_s: float
-    flash_ms: float
-    """Duration of a flash; 0.075 periods if it cannot be estimated."""
-    threshold_ms: float
-    """Standard deviation of the histogram at which the swarm counts as synchronised."""
-    estimated: tuple[str, ...]
-    """Which of `period_s` and `threshold_ms` were estimated from the film."""
-    rings_outside: int
-    """Number of rings seen outside of the floor, in all frames; they are left out."""
-    always_lit: int
-    """Number of places with rings that stayed lit for longer than half a period; they are left out."""
+    flash_ms: float  # duration of a flash; 0.075 periods if it cannot be estimated
+    threshold_ms: float  # standard deviation of the histogram at which the swarm counts as synchronised
+    estimated: tuple[str, ...]  # which of `period_s` and `threshold_ms` were estimated from the film
+    rings_outside: int  # number of rings seen outside of the floor, in all frames; they are left out
+    always_lit: int  # number of places with rings that stayed lit for longer than half a period; they are left out
     position_error_mm: float | None
     """Standard error of positions that the geometry gives; None if the film does not tell."""
-    robots_seen: int
-    """Largest number of rings lit at once in two consecutive frames."""
-    flashes_per_period: float
-    """Mean number of flashes per period, over the time without gaps between frames."""
+    robots_seen: int  # largest number of rings lit at once in two consecutive frames
+    flashes_per_period: float  # mean number of flashes per period, over the time without gaps between frames
     t_sync_s: float | None
     """Time from the trial's beginning to the first flash around which a period's flashes have the order parameter of
     synchrony."""
-    t_sync_periods: float | None
-    """The same time in periods."""
+    t_sync_periods: float | None  # the same time in periods
     t_sync_cycles: float | None
     """T_sync as simulated trials have it: flashes of a robot until then, that one included, in the mean over robots, as
     a film does not show which one is the reference."""
     histogram_s: float | None
     """Time from the trial's beginning to the flash around which the histogram was first narrow enough."""
-    histogram_periods: float | None
-    """The same time in periods."""
+    histogram_periods: float | None  # the same time in periods
     confidence: Literal["high", "low", "none"]
     """Whether T_sync, or that there is none, can be trusted: `low` if it is doubtful, `none` if nothing can be said."""
-    reasons: tuple[str, ...]
-    """Sentences about why there is no T_sync; empty if there is one."""
-    warnings: tuple[str, ...]
-    """Sentences about what is doubtful."""
+    reasons: tuple[str, ...]  # sentences about why there is no T_sync; empty if there is one
+    warnings: tuple[str, ...]  # sentences about what is doubtful
     times_s: FloatArray
     counts: IntArray
     evaluations: tuple[synchrony.Evaluation, ...]
     flashes: tuple[Flash, ...]
     """As in `CountedRings`, like times, counts, rings and geometry, but without those of rings that are always lit."""
-    steady: tuple[Flash, ...]
-    """Rings that are always lit, as flashes."""
+    steady: tuple[Flash, ...]  # rings that are always lit, as flashes
     rings: Sequence[Sequence[Ring]]
     geometry: Geometry
-    options: TrackOptions
-    """What was known of the film."""
-    tags: Readings | None = None
-    """The tags that were read, if they were looked for."""
+    options: TrackOptions  # what was known of the film
+    tags: Readings | None = None  # the tags that were read, if they were looked for
 
     def summary(self) -> dict[str, Any]:
         """Return the fields that are texts, numbers, or tuples of texts: those before `times_s`."""

@@ -44,19 +44,14 @@ TILTED_DEG = 3.0  # tilt of a camera from which positions are doubtful if no cor
 class Evidence(NamedTuple):
     """What is known of a film once its counts are evaluated."""
 
-    counted: CountedRings
-    """Counts and flashes, without those of lights that are no flashes."""
-    lit_always: int
-    """Number of places with such lights."""
+    counted: CountedRings  # counts and flashes, without those of lights that are no flashes
+    lit_always: int  # number of places with such lights
     period_s: float
     threshold_s: float
-    sync: synchrony.Evaluation | None
-    """The first evaluation of the histogram that shows synchrony."""
-    robots: int | None
-    """Number of robots, if it is given."""
+    sync: synchrony.Evaluation | None  # the first evaluation of the histogram that shows synchrony
+    robots: int | None  # number of robots, if it is given
     period_is_given: bool
-    order_parameter: float = synchrony.ORDER_PARAMETER
-    """Order parameter from which the swarm is synchronised."""
+    order_parameter: float = synchrony.ORDER_PARAMETER  # order parameter from which the swarm is synchronised
 
     @property
     def flashes(self) -> FlashTable:
