@@ -22,7 +22,6 @@ PATCH = np.dtype(
 """A patch of a floor: brightness from 0, black, to 1, white; of a disc centre and radius in cm; of a convex polygon the
 mean of its corners, radius 0, and which of the floor's edges are its own."""
 
-
 LAMP_SHARE = 1 / 80  # radius of a lamp's dot in pictures, as a share of the arena's longer side
 
 
@@ -52,12 +51,9 @@ class Arena:
 
     width_cm: float
     height_cm: float
-    circles: FloatArray
-    """(k, 3) cm: centre x, centre y, radius of round obstacles, and then of movables where they are."""
-    polygons: tuple[FloatArray, ...]
-    """Convex obstacles, each (v, 2) cm: corners counter-clockwise."""
-    edges: FloatArray
-    """(m, 4) cm: the polygons' edges, from x, y to x, y."""
+    circles: FloatArray  # (k, 3) cm: centre x, centre y, radius of round obstacles, and then of movables where they are
+    polygons: tuple[FloatArray, ...]  # convex obstacles, each (v, 2) cm: corners counter-clockwise
+    edges: FloatArray  # (m, 4) cm: the polygons' edges, from x, y to x, y
     movables: FloatArray
     """(movables, 2) mass in g, and coefficient of friction with the floor, of the last of the circles."""
     floor: Floor = field(default_factory=Floor)

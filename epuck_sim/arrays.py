@@ -10,7 +10,5 @@ IndexArray = npt.NDArray[np.uint32]
 """Indices in compiled loops; unsigned, as compiled code tests a signed index for counting from the end."""
 BoolArray = npt.NDArray[np.bool_]
 ByteArray = npt.NDArray[np.uint8]
-StreamArray = npt.NDArray[np.uint64]
-"""(n, 4) states of random number generators, one a row; see `util.rng`."""
-WordArray = npt.NDArray[np.uint64]
-"""(n,) words of the state of a seed sequence or a generator; see `util.generators`."""
+StreamArray = npt.NDArray[np.uint64]  # (n, 4) states of random number generators, one a row; see `util.rng`
+WordArray = npt.NDArray[np.uint64]  # (n,) words of the state of a seed sequence or a generator; see `util.generators`

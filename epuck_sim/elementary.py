@@ -27,11 +27,8 @@ _EIGHTH, _EIGHTH_REST = 7.85398163397448278999e-01, 3.06161699786838301793e-17
 _LARGE_RAD = 1e6
 """Angle up to which 118 bits of pi / 2 are enough, unless it is as near to a multiple as no random angle is."""
 
-_NEAR_RAD = 2.0**-58
-"""Distance from a quarter turn within which they are too few; of n quarter turns, n times as far."""
-
-_TO_WHOLE = 6755399441055744.0
-"""1.5 * 2**52: a number to which this has been added has no bits left for a fraction."""
+_NEAR_RAD = 2.0**-58  # distance from a quarter turn within which they are too few; of n quarter turns, n times as far
+_TO_WHOLE = 6755399441055744.0  # 1.5 * 2**52: a number to which this has been added has no bits left for a fraction
 
 _BITS = 26
 _LIMBS = 50

@@ -63,6 +63,5 @@ METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
 class Firing(NamedTuple):
     """A firing of the reference, and what was measured at it."""
 
-    cycles: int
-    """Number of firings of the reference, this one included."""
+    cycles: int  # number of firings of the reference, this one included
     order_parameter: float | None

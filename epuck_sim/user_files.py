@@ -27,20 +27,14 @@ import numpy as np
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
 
-AS_LOADED = "__as_loaded__"
-"""Name in a loaded module of the fingerprints of its values when it was loaded."""
+AS_LOADED = "__as_loaded__"  # name in a loaded module of the fingerprints of its values when it was loaded
 
 MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
 
-NEAREST = 5
-"""Number of known names that are listed for an unknown one."""
-
-OWN_PACKAGE = "epuck-sim"
-"""Name of this package, among those that offer something."""
-
-Value = bool | int | float
-"""Value of a parameter that compiled code can read."""
+NEAREST = 5  # number of known names that are listed for an unknown one
+OWN_PACKAGE = "epuck-sim"  # name of this package, among those that offer something
+Value = bool | int | float  # value of a parameter that compiled code can read
 
 _ALLOWED: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 

@@ -21,12 +21,10 @@ from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import Value, record_type, typed
 from epuck_sim.util.cache_folder import cache_root, remove_unused
 
-HEADERS = Path(__file__).with_name("include")
-"""Folder of the header `epuck.h`."""
+HEADERS = Path(__file__).with_name("include")  # folder of the header `epuck.h`
 
 # no product and sum become one operation, which rounds once instead of twice: so Python computes, and other processors
-FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-g1")
-"""Options of the compiler."""
+FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-g1")  # options of the compiler
 
 ERRORS = ("-Werror=implicit-function-declaration", "-Werror=incompatible-pointer-types", "-Werror=int-conversion")
 """Warnings that are errors in newer versions of C."""
@@ -46,19 +44,15 @@ FOR_THE_ROBOT_ITSELF = (
     "docs/firmware.md"
 )
 
-VERSION = 1
-"""Version of the header `epuck.h`, which a library states."""
-
-KINDS: Mapping[bytes, type] = {b"f": float, b"i": int, b"b": bool}
-"""Types of fields by the letters of the header."""
+VERSION = 1  # version of the header `epuck.h`, which a library states
+KINDS: Mapping[bytes, type] = {b"f": float, b"i": int, b"b": bool}  # types of fields by the letters of the header
 
 
 @dataclass(frozen=True, eq=False)
 class Firmware(Controller):
     """A controller in C, as its library describes it."""
 
-    library: ctypes.CDLL
-    """The library, loaded into this process."""
+    library: ctypes.CDLL  # the library, loaded into this process
 
     def check_values(self, values: Mapping[str, Value]) -> None:
         """Raise ValueError for parameters that the library's `e_check` refuses, too."""

@@ -107,8 +107,7 @@ def _check_parts(file: PythonFile, noun: str, parts: Mapping[str, str]) -> None:
                 raise file.refusal(part, said) from None
 
 
-MOST_NUMBERS = {"READINGS": 10_000, "MEMORY": 1_000_000}
-"""Most numbers of a reading, and of a part of the memory."""
+MOST_NUMBERS = {"READINGS": 10_000, "MEMORY": 1_000_000}  # most numbers of a reading, and of a part of the memory
 
 
 def _record_type(file: PythonFile, part: str) -> np.dtype[Any]:

@@ -12,8 +12,7 @@ from typing import TextIO
 
 from epuck_sim.errors import EpuckSimError
 
-LEFT_S = 24 * 3600.0
-"""Age in seconds from which a temporary file is taken for that of a killed process, and removed."""
+LEFT_S = 24 * 3600.0  # age in seconds from which a temporary file is taken for that of a killed process, and removed
 
 _unfinished: set[Path] = set()
 

@@ -15,11 +15,8 @@ import platformdirs
 USER = os.getuid() if hasattr(os, "getuid") else None
 """Number of the user who runs this process; None where users have none."""
 
-UNUSED_S = 30 * 24 * 3600.0
-"""Time in seconds after which compiled code that no process has used is removed."""
-
-ROOM_BYTES = 4_000_000
-"""Free space that a folder needs to be used: some more than all kernels take."""
+UNUSED_S = 30 * 24 * 3600.0  # time in seconds after which compiled code that no process has used is removed
+ROOM_BYTES = 4_000_000  # free space that a folder needs to be used: some more than all kernels take
 
 
 @lru_cache

@@ -29,8 +29,7 @@ _SHIFT = np.uint64(16)
 _MIX_BEGIN, _MIX_FACTOR = np.uint64(0x43B0D7E5), np.uint64(0x931E8875)
 _DRAW_FACTOR = np.uint64(0x58F38DED)
 
-DRAW_BEGIN = np.uint64(0x8B51F9DD)
-"""Factor with which the first word of a sequence is drawn; see `draw_row`."""
+DRAW_BEGIN = np.uint64(0x8B51F9DD)  # factor with which the first word of a sequence is drawn; see `draw_row`
 
 _LEFT, _RIGHT = np.uint64(0xCA01F9DD), np.uint64(0x4973F715)
 
@@ -47,10 +46,8 @@ TAIL_LIMIT, TAIL_SHARE = 10_000, 50
 """numpy chooses from more than `TAIL_LIMIT` numbers by a shuffle, if it chooses more than one of `TAIL_SHARE`."""
 
 LAYERS = 256
-NORMAL_EDGE = 3.6541528853610087963519472518
-"""Where the tail of the normal distribution begins, in standard deviations."""
-NORMAL_AREA = 0.0049286732339746519
-"""Area of each layer below exp(-x**2 / 2)."""
+NORMAL_EDGE = 3.6541528853610087963519472518  # where the tail of the normal distribution begins, in standard deviations
+NORMAL_AREA = 0.0049286732339746519  # area of each layer below exp(-x**2 / 2)
 
 _DIGITS = 40
 _HIGHER_LAYER = 38

@@ -20,8 +20,7 @@ from epuck_sim.util.cache_folder import cache_root, remove_unused
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-PACKAGE = Path(__file__).parents[1]
-"""Folder of the package."""
+PACKAGE = Path(__file__).parents[1]  # folder of the package
 
 SHARED = ("util", "control")
 """Rooms on whose kernels and values those of all others may depend, beside the files of the package's root."""

@@ -54,8 +54,7 @@ def allow_files(needed: int) -> int | None:
 NEGLIGIBLE_BYTES = 64_000_000
 """What needs less is not compared with what there is: to look it up costs as much as the start of a small trial."""
 
-CGROUPS = Path("/sys/fs/cgroup")
-"""Where Linux shows what a batch system or a container allows."""
+CGROUPS = Path("/sys/fs/cgroup")  # where Linux shows what a batch system or a container allows
 
 _CGROUP_FILES = (
     ("memory.max", "memory.current", "inactive_file"),
@@ -123,8 +122,7 @@ def _read(path: str | Path) -> str:
 
 # --- ports at which browsers find pages ---------------------------------------------------------------
 
-HOST = "127.0.0.1"
-"""Address at which pages are served: other machines cannot reach them."""
+HOST = "127.0.0.1"  # address at which pages are served: other machines cannot reach them
 
 BLOCKED_PORTS = frozenset(
     {

@@ -54,14 +54,9 @@ if (_LARGE := "scipy.linalg.cython_blas") not in sys.modules:  # of which numba 
     import_module("numba.np.arraymath")
     del sys.modules[_LARGE]
 
-BLOCK = types.Array(types.uint8, 1, "C")
-"""numba's type of a block of memory that holds a swarm."""
-
-INTP = types.intp
-"""numba's type of a whole number."""
-
-ADDRESSES = types.Array(types.int64, 1, "C")
-"""numba's type of the addresses, in this process, of what a swarm calls."""
+BLOCK = types.Array(types.uint8, 1, "C")  # numba's type of a block of memory that holds a swarm
+INTP = types.intp  # numba's type of a whole number
+ADDRESSES = types.Array(types.int64, 1, "C")  # numba's type of the addresses, in this process, of what a swarm calls
 
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of numba's `njit` for functions that compiled code alone calls, which compile in two thirds of the time."""
@@ -146,9 +141,7 @@ def compile_part(function: Any, **options: object) -> Any:
     return part
 
 
-SHIPPED = PACKAGE / "compiled"
-"""Folder of a release's compiled code, laid out as a cache folder is: see `make dist`."""
-
+SHIPPED = PACKAGE / "compiled"  # folder of a release's compiled code, laid out as a cache folder is: see `make dist`
 
 X86_64_V3 = {"avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"}
 """What a processor of x86-64-v3 has, and one of x86-64-v2 may lack, as LLVM names it."""

@@ -7,11 +7,8 @@ from importlib.metadata import version
 
 import epuck_sim
 
-ENGINES = ("pymunk", "numba", "numpy")
-"""Names of the packages whose versions can change a result."""
-
-PROVENANCE = ("epuck_sim", *ENGINES, "python", "host")
-"""Names of the columns that describe how a stored trial was made."""
+ENGINES = ("pymunk", "numba", "numpy")  # names of the packages whose versions can change a result
+PROVENANCE = ("epuck_sim", *ENGINES, "python", "host")  # names of the columns that describe how a stored trial was made
 
 
 @lru_cache

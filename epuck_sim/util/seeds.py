@@ -11,8 +11,7 @@ import numpy as np
 
 from epuck_sim.arrays import StreamArray
 
-SEED_BITS = 53
-"""Number of bits of a derived seed: every JSON reader and spreadsheet keeps such integers unchanged."""
+SEED_BITS = 53  # number of bits of a derived seed: every JSON reader and spreadsheet keeps such integers unchanged
 
 
 def trial_seed(master: int, trial: int) -> int:
