@@ -31,7 +31,6 @@ from epuck_sim.util.seeds import trial_seed
 
 LARGE = 1000  # population from which on a trial takes long to set up even if everything is compiled
 
-
 ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]
 """Opens an observer of a trial, from the trial's number and seed."""
 

@@ -17,7 +17,6 @@ NEAR_CM = 15.0
 COVERED_CM = 10.0  # distance from a robot's centre, in cm, within which `coverage` counts the floor as covered
 GRID_CM = 5.0  # distance between the points at which `coverage` looks at the floor, in cm
 
-
 NO_PHASES = "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
 """What is said of a swarm whose synchrony is asked for."""
 

@@ -32,7 +32,6 @@ from epuck_sim.util.seeds import trial_seed
 ScenarioLike = Scenario | str | Path | Mapping[str, Any]  # what `load_scenario` takes
 Actions = Literal["continuous", "discrete"]  # what agents may act in: speeds, or numbers of motions
 
-
 MOTIONS = np.array([(0.0, 0.0), (1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (0.5, 1.0), (1.0, 0.5)])
 """(7, 2) left and right wheel of each discrete motion, as shares of the wheels' limit: stand still, ahead, back, turn
 left and right on the spot, drive an arc to the left and to the right."""

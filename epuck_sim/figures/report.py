@@ -19,9 +19,7 @@ from epuck_sim.statistics.statistic import summarize
 from epuck_sim.util.atomic_write import atomic_write, check_target
 from epuck_sim.util.provenance import PROVENANCE
 
-FORMS = ("curves", "map", "violins")
-"""Forms in which T_sync and a measure of one value are drawn, where they fit."""
-
+FORMS = ("curves", "map", "violins")  # forms in which T_sync and a measure of one value are drawn, where they fit
 MOST_FAILURES = 100  # maximum number of failed trials that are listed
 MOST_VALUES = 12  # maximum number of values of an axis that are listed
 

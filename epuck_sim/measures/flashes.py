@@ -15,11 +15,8 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.measures.common import ABOVE_0, Share, Shipped, allowed, check_sight, rows_of_steps, share
 from epuck_sim.util.jit import jit
 
-HALF_A_MILLISECOND = 0.0005
-"""Allowance in seconds for the sum of many control steps."""
-
-FLASHLESS = ("ring_dead", "oscillator_frozen")
-"""Kinds of faults that keep a robot from flashing."""
+HALF_A_MILLISECOND = 0.0005  # allowance in seconds for the sum of many control steps
+FLASHLESS = ("ring_dead", "oscillator_frozen")  # kinds of faults that keep a robot from flashing
 
 
 class FlashesSeen(Share):

@@ -37,8 +37,7 @@ from epuck_sim.util.native import ADDRESSES, BLOCK, compile_part
 
 Model = Literal["particles", "embodied"]
 
-FOLDER = Path(__file__).parent / "wasm"
-"""Where the modules lie, gzipped, each with its digest."""
+FOLDER = Path(__file__).parent / "wasm"  # where the modules lie, gzipped, each with its digest
 
 ANEW = "make it anew: make wasm"
 
@@ -171,8 +170,7 @@ def own_roots(scenario: EmbodiedScenario | ParticleScenario) -> dict[str, Root]:
 
 # --- what a module is made from ------------------------------------------------------------------------
 
-BUILDERS = ("build.py", "chipmunk.c")
-"""Files that decide how a module is made."""
+BUILDERS = ("build.py", "chipmunk.c")  # files that decide how a module is made
 
 
 def is_fresh(model: Model) -> bool:

@@ -38,8 +38,7 @@ RESULT = {
 REPEATED = ("t_sync_cycles", "order_parameter", "simulated_s", "steps", "cycles")
 """Those of them, but for `censored`, that are the same whenever a trial is repeated."""
 
-KEYS = {"points": ("key",), "trials": ("point", "trial")}
-"""Primary key of each table."""
+KEYS = {"points": ("key",), "trials": ("point", "trial")}  # primary key of each table
 
 TABLES = """
 CREATE TABLE points (

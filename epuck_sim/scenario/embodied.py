@@ -104,10 +104,8 @@ ROBOT_BYTES, GROUP_BYTES, PIXEL_BYTES = 4800, 15_000, 8
 """Memory that a robot takes besides its pixels, a group besides its robots, and a pixel of a picture; the first two as
 measured with 10,000 to 100,000 robots and with 4,000 to 20,000 groups."""
 
-
 OF_PRESENT = ("order_parameter", "threshold_cycles", "stays_above", "below_threshold", "moved")
 """Shipped measures that count those robots alone that are in the arena."""
-
 
 UNLIMITED_S = 600.0
 """Time in s after which a trial ends whose reference is no oscillator, and that has no limit of its own."""

@@ -23,7 +23,6 @@ from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_rep
 CONDITION = re.compile(r"\s*([\w-]+)\s*(>=|<=|>|<)\s*([-+.\w]+)\s*")
 """A condition as text: a measure, a relation and a number."""
 
-
 RELATIONS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 """Functions by the relations that a condition may have."""
 

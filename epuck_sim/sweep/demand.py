@@ -15,8 +15,7 @@ from epuck_sim.trial.result import TrialState
 from epuck_sim.util.machine import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
 from epuck_sim.util.messages import counted
 
-ENOUGH_TIMED = 20
-"""Trials that are timed, if there is time, of all points together."""
+ENOUGH_TIMED = 20  # trials that are timed, if there is time, of all points together
 
 TRIAL_BYTES = 145
 """Size of a trial in a run folder, without measures; as measured with 10,000 to 1,000,000 trials (docs/speed.md)."""

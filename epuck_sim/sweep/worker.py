@@ -42,8 +42,7 @@ EXIT_CODE = 70  # exit code of a worker that was ended
 OVERTIME_S = 1.0
 """Wall time in seconds beyond `trial_timeout_s` after which a trial that does not end itself is ended by its worker."""
 
-SETTING_UP = (-1, -1, "controller")
-"""What is `AtWork` on a trial that is set up."""
+SETTING_UP = (-1, -1, "controller")  # what is `AtWork` on a trial that is set up
 
 AtWork = Callable[[], tuple[int, int, str] | None]
 """Returns the robot whose controller or sensor is running, or -1, the step, and which runs; None if nobody knows."""
