@@ -158,7 +158,8 @@ def check_draws(file: PythonFile, instead: str) -> None:
                 continue
             called = _value_of(call.func, values)
             given = [*call.args, *(keyword.value for keyword in call.keywords)]
-            is_unseeded = all(map(_is_none, given)) and _is_of_generators(called)
+            is_none = [isinstance(each, ast.Constant) and each.value is None for each in given]
+            is_unseeded = all(is_none) and _is_of_generators(called)
             owner = call.func.value if isinstance(call.func, ast.Attribute) and hidden is not None else None
             drawn_by = getattr(called, "__self__", owner and _value_of(owner, values))
             if is_unseeded or _is_of_generators(type(drawn_by)):
@@ -180,10 +181,6 @@ def _calls(node: ast.AST, hidden: Set[str] | None = None) -> Iterator[tuple[ast.
 
 def _is_of_generators(made_by: object) -> bool:
     return GENERATORS.fullmatch(getattr(made_by, "__module__", None) or "") is not None
-
-
-def _is_none(node: ast.expr) -> bool:
-    return isinstance(node, ast.Constant) and node.value is None
 
 
 def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[str, str]:
