@@ -126,12 +126,8 @@ class _Suspicion(Shipped):
             if not self._note_faults(stretch.first + step):  # up to the next fault
                 later = (event.step - stretch.first for event in self.simulation.events[self._events :])
                 last = int(min([*later, len(stretch.poses)]))
-            # fmt: off
-            end = watch(
-                self._dark_s, self._suspects, begun, self._patience_s, self._step_s,
-                views, rows, stretch.ring_before, step, last,
-            )
-            # fmt: on
+            seen = views, rows, stretch.ring_before, step, last
+            end = watch(self._dark_s, self._suspects, begun, self._patience_s, self._step_s, *seen)
             self.take(begun, (stretch.first + end - 1) * self.simulation.step_s, end - step)
             step = end
 
