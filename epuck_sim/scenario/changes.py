@@ -151,16 +151,11 @@ def concerns(whom: Sequence[int] | None, robots: range) -> bool:
 class TrialEvent(NamedTuple):
     """Something that changed in a trial."""
 
-    step: int
-    """The first control step in which the change acts; of point agents, the first instant of firings."""
-    time_s: float
-    """Time of that step; of point agents, of the change."""
-    source: str
-    """Place in the scenario of which it came: `schedule.NUMBER`, or `faults.NUMBER`."""
-    what: str
-    """What changed, in words."""
-    robots: tuple[int, ...] = ()
-    """Numbers of the robots in which a fault began or ended; none for a schedule."""
+    step: int  # the first control step in which the change acts; of point agents, the first instant of firings
+    time_s: float  # time of that step; of point agents, of the change
+    source: str  # place in the scenario of which it came: `schedule.NUMBER`, or `faults.NUMBER`
+    what: str  # what changed, in words
+    robots: tuple[int, ...] = ()  # numbers of the robots in which a fault began or ended; none for a schedule
 
 
 class Displacement(ConfigModel):
@@ -193,12 +188,9 @@ class RobotDisplacement(Displacement):
 class ScheduleEntry(ConfigModel):
     """Changes at one moment; they are made once."""
 
-    changing: ClassVar[tuple[str, ...]] = ("set", "displace")
-    """Keys of what changes."""
-    settable: ClassVar[re.Pattern[str]]
-    """Dotted keys that may be set."""
-    in_short: ClassVar[str]
-    """What may change, for messages."""
+    changing: ClassVar[tuple[str, ...]] = ("set", "displace")  # keys of what changes
+    settable: ClassVar[re.Pattern[str]]  # dotted keys that may be set
+    in_short: ClassVar[str]  # what may change, for messages
 
     at_s: Annotated[Number, Field(ge=0, le=1e9)] | None = None
     """Time of the first control step in which the changes act; of point agents, of the changes."""
@@ -256,8 +248,7 @@ _Moment = TypeVar("_Moment")
 class TimedEntries(Generic[_Moment]):
     """The entries of a schedule that have a time, in order, while a trial goes through them."""
 
-    next: _Moment
-    """When the next of them is carried out; `never` after the last."""
+    next: _Moment  # when the next of them is carried out; `never` after the last
 
     def __init__(self, schedule: Sequence[ScheduleEntry], moment: Callable[[float], _Moment], never: _Moment) -> None:
         """Begin with the first, by the moments of times in s; `never` is later than any of them."""
