@@ -226,10 +226,7 @@ def announce(address: str) -> None:
 
 
 @runs.command()
-def status(
-    folders: options.FoldersArgument,
-    as_json: options.JsonOption = False,
-) -> None:
+def status(folders: options.FoldersArgument, as_json: options.JsonOption = False) -> None:
     """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it.
 
     Of several folders, such as the shares of a sweep, a line each and their sum; as JSON, a list.

@@ -153,11 +153,7 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 Gymnasium's own type
 
     def __init__(
-        self,
-        scenario: ScenarioLike = ONE_OF_TEN,
-        *,
-        render_mode: RenderMode | None = None,
-        **task: Unpack[Task],
+        self, scenario: ScenarioLike = ONE_OF_TEN, *, render_mode: RenderMode | None = None, **task: Unpack[Task]
     ) -> None:
         """Build the swarm.
 
@@ -180,10 +176,7 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
         """Which columns of an observation hold what."""
 
     def reset(
-        self,
-        *,
-        seed: int | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Float32Array, dict[str, Any]]:
         """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
         seed = None if seed is None else whole("seed", seed, 0)  # Gymnasium takes none of numpy's

@@ -9,11 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.runs.sources import (
-    measure_sources,
-    name_with_digest,
-    named_sources,
-)
+from epuck_sim.runs.sources import measure_sources, name_with_digest, named_sources
 from epuck_sim.scenario.loader import Point, validate
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.util.messages import short_repr
