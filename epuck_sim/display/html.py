@@ -1,10 +1,11 @@
 """HTML and SVG as trees of elements: whatever text they hold is escaped when they are written."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, tostring
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.util.atomic_write import atomic_write, check_target
 
 Node = Element | str  # A part of a page: an element, or text
 
@@ -95,10 +96,15 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a page may load, and run: nothing, whatever names and messages of others stand in it."""
 
 
-def check_suffix(path: Path) -> None:
-    """Raise EpuckSimError if a file's name is not that of a page."""
-    if path.suffix not in (".html", ".htm"):
-        raise EpuckSimError(f"{path}: unknown format {path.suffix!r}; allowed: .html")
+def write_html(path: Path | str, make: Callable[[], str]) -> None:
+    """Write the page that is made once its file is known to be writable; raise EpuckSimError if it is not."""
+    target = Path(path)
+    if target.suffix not in (".html", ".htm"):
+        raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .html")
+    check_target(target)
+    page = make()
+    with atomic_write(target) as part:
+        part.write_text(page, encoding="utf-8", errors="backslashreplace")
 
 
 def make_document(title: str, body: str) -> str:

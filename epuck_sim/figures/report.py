@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from epuck_sim.display.html import Node, check_suffix, details, element, facts, in_words, make_document, table, to_html
+from epuck_sim.display.html import Node, details, element, facts, in_words, make_document, table, to_html, write_html
 from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.labels import axis_label
@@ -16,7 +16,6 @@ from epuck_sim.runs.reader import PointTrials, Status, read_points, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.statistics.curves import has_series
 from epuck_sim.statistics.statistic import summarize
-from epuck_sim.util.atomic_write import atomic_write, check_target
 from epuck_sim.util.provenance import PROVENANCE
 
 FORMS = ("curves", "map", "violins")  # forms in which T_sync and a measure of one value are drawn, where they fit
@@ -35,12 +34,7 @@ def write_report(folder: Path | str, path: Path | str) -> None:
         StoreError: The folder is not a run folder, or its database is damaged.
         EpuckSimError: The page cannot be written.
     """
-    target = Path(path)
-    check_suffix(target)
-    check_target(target)
-    page = make_page(folder)
-    with atomic_write(target) as part:
-        part.write_text(page, encoding="utf-8", errors="backslashreplace")
+    write_html(path, lambda: make_page(folder))
 
 
 def make_page(folder: Path | str) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from epuck_sim import __version__
-from epuck_sim.display.html import check_suffix
+from epuck_sim.display.html import write_html
 from epuck_sim.display.table import leaves
 from epuck_sim.page.agents import agents_facts, agents_settings
 from epuck_sim.page.build import compile_own
@@ -25,7 +25,6 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.statistics.statistic import student_quantile
-from epuck_sim.util.atomic_write import atomic_write, check_target
 from epuck_sim.util.builtin import ARENAS, builtin_files
 
 WEB = Path(__file__).parent / "web"
@@ -55,12 +54,11 @@ def write_page(
         ScenarioError: The scenario is not allowed, or cannot be a page; the message names the key.
         EpuckSimError: The page cannot be written.
     """
-    target = Path(path)
-    check_suffix(target)
-    check_target(target)
-    page = make_page(load_scenario(scenario, settings, controller=controller), str(scenario), settings, controller)
-    with atomic_write(target) as part:
-        part.write_text(page, encoding="utf-8")
+
+    def make() -> str:
+        return make_page(load_scenario(scenario, settings, controller=controller), str(scenario), settings, controller)
+
+    write_html(path, make)
 
 
 class Shown:
