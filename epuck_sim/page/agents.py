@@ -20,6 +20,7 @@ REACH_CM = 30  # that a page begins with where the scenario has none
 RANDOM_NUMBERS = "is drawn for each agent by numpy, which pages do not have"
 CONES = "cone_of_vision cone_of_emission"
 _CHECKED = ("agents.speed_cm_s", "response.coupling", "clocks.period_s", "space.side_cm")
+_KIND = "neighbourhood.kind"  # key on whose value it depends which others are there
 _KINDS = ("nearest", "random", "all", "range", "cone_of_vision", "cone_of_emission")
 
 CALL_NAMES = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]  # what a swarm calls by an address
@@ -120,10 +121,10 @@ def agents_settings(scenario: ParticleScenario) -> list[Setting]:
     settings = [
         Setting("agents.speed_cm_s", "speed", "cm/s", stops(0.1, 100, also=[speed, 30]), speed, 30),
         Setting("response.coupling", "coupling", "", stops(0, 1, step=0.01, also=[coupling]), coupling, 0.1),
-        Setting("neighbourhood.kind", "pulses reach", "", _KINDS, rule.kind, "nearest"),
-        Setting("neighbourhood.k", "neighbours", "", stops(1, 20, step=1, also=[k]), k, 1, _only("nearest random")),
-        Setting("neighbourhood.radius_cm", "reach", "cm", tuple(radii), radius, None, _only(f"range {CONES}")),
-        Setting("neighbourhood.angle_deg", "opening angle", "°", _angles(scenario), angle, None, _only(CONES)),
+        Setting(_KIND, "pulses reach", "", _KINDS, rule.kind, "nearest"),
+        Setting("neighbourhood.k", "neighbours", "", stops(1, 20, step=1, also=[k]), k, 1, (_KIND, "nearest random")),
+        Setting("neighbourhood.radius_cm", "reach", "cm", tuple(radii), radius, None, (_KIND, f"range {CONES}")),
+        Setting("neighbourhood.angle_deg", "opening angle", "°", _angles(scenario), angle, None, (_KIND, CONES)),
         Setting("clocks.period_s", "period", "s", stops(0.1, 10, also=[period_s, 1]), period_s, 1),
     ]
     if is_free:
@@ -136,7 +137,3 @@ def agents_settings(scenario: ParticleScenario) -> list[Setting]:
         replace(each, stops=allowed(scenario, each.key, each.stops)) if each.key in _CHECKED else each
         for each in settings
     ]
-
-
-def _only(kinds: str) -> tuple[str, str]:
-    return "neighbourhood.kind", kinds
