@@ -72,7 +72,7 @@ class Kind:
 
     def locate(self, name: str, folder: Path | None = None) -> Place:
         """Return where something comes from."""
-        if not self.is_path(name):
+        if not (name.endswith(self.suffixes) or "/" in name or "\\" in name):  # it names no file
             return self.named(name)
         folders = dict.fromkeys([folder or Path(), Path()])
         for each in folders:
@@ -80,10 +80,6 @@ class Kind:
                 return self.at(each / name)
         tried = " or ".join(str(each.resolve()) for each in folders)
         raise self.error(f"no {self.noun} file {name!r} in {tried}")
-
-    def is_path(self, name: str) -> bool:
-        """Return whether a name is that of a file."""
-        return name.endswith(self.suffixes) or "/" in name or "\\" in name
 
     def at(self, path: Path) -> Place:
         """Return the place of a file, under the name by which it is shipped or offered if it is."""

@@ -139,7 +139,9 @@ class ControllerFiles:
         groups = [number for number, each in enumerate(self._simulation.controllers) if each.path == path]
         old = self._simulation.controllers[groups[0]]
         stamps = _stamps(old)
-        if stamps == self._stamps[path] or path not in stamps or _is_being_written(stamps):
+        if stamps == self._stamps[path] or path not in stamps:
+            return
+        if 0 <= time.time() - max(stamps.values()) / 1e9 < SETTLED_S:  # it is being written
             return
         self._stamps[path] = stamps
         try:
@@ -169,7 +171,3 @@ def _stamps(controller: Controller) -> dict[Path, int]:
         except OSError:  # an editor is replacing it
             continue
     return stamps
-
-
-def _is_being_written(stamps: dict[Path, int]) -> bool:
-    return 0 <= time.time() - max(stamps.values()) / 1e9 < SETTLED_S
