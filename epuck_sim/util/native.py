@@ -47,6 +47,8 @@ try:
 except ImportError as error:
     said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
     raise EpuckSimError(said) from error
+if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    raise EpuckSimError("NUMBA_DISABLE_JIT is set, but trials are compiled: unset it; --interpret is for controllers")
 
 
 if (_LARGE := "scipy.linalg.cython_blas") not in sys.modules:  # of which numba asks here whether it is there alone

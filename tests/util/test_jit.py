@@ -253,6 +253,14 @@ def test_another_numba_is_told_in_a_sentence_with_what_to_install(tmp_path) -> N
         assert "install a numba that epuck-sim asks for, >=0.65 and <0.70" in found.stderr
 
 
+def test_numba_that_is_told_to_compile_nothing_is_refused() -> None:
+    command, environment = [sys.executable, "-m", "epuck_sim", "run"], os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    for words in (["pair"], ["pair", "--interpret"], ["particles"]):
+        found = subprocess.run([*command, *words], env=environment, capture_output=True, text=True, check=False)
+        assert (found.returncode, found.stderr.count("\n")) == (2, 1), found.stderr
+        assert found.stderr.startswith("error: NUMBA_DISABLE_JIT is set")
+
+
 @pytest.fixture
 def temporary(tmp_path, monkeypatch):
     """Have no cache folder that can be written to, and an empty folder for temporary files."""
