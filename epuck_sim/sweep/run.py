@@ -14,7 +14,7 @@ from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.demand import check_sweep
 from epuck_sim.sweep.scheduler import OpenPool, TaskQueue, local_pool, schedule
-from epuck_sim.sweep.worker import Task
+from epuck_sim.sweep.worker import Task, step_limit_s
 from epuck_sim.trial.model import check_interpretable
 
 if TYPE_CHECKING:  # it takes scipy
@@ -70,6 +70,7 @@ def run_sweep(
         check_interpretable(loaded)
     all_points = points(loaded)
     check_sweep(all_points)
+    step_limit_s()  # which workers cannot refuse as well
     if until is not None:
         until.check(all_points)
     begin(all_points)

@@ -159,6 +159,15 @@ def _at_work(simulation: Any) -> AtWork:
     return lambda: (-1, simulation.instants, "") if hasattr(simulation, "instants") else None
 
 
+def step_limit_s() -> float:
+    """Return `STEP_LIMIT_S`, or what the environment gives instead."""
+    given = os.environ.get(LIMIT_VARIABLE, STEP_LIMIT_S)
+    with suppress(ValueError):
+        if 0.1 <= float(given) <= 1e9:
+            return float(given)
+    raise EpuckSimError(f"{LIMIT_VARIABLE} is {given!r}; allowed: seconds, 0.1 to 1e9")
+
+
 def never_returned(robot: int, step: int, code: str, limit_s: float) -> str:
     """Return what to say of user's code that is `AtWork` for longer than a limit."""
     where = f"robot {robot}, step {step}" if robot >= 0 else f"step {step}" if step >= 0 else "at the start"
@@ -190,7 +199,7 @@ class Watchdog:
     def __init__(self, timeout_s: float | None = None) -> None:
         self._name = ""
         self._trials = 0
-        self._limit_s = float(os.environ.get(LIMIT_VARIABLE, STEP_LIMIT_S))
+        self._limit_s = step_limit_s()
         self._timeout_s = math.inf if timeout_s is None else timeout_s
         self._began_s = math.inf  # of the trial's steps
         self._at_work: AtWork = lambda: None

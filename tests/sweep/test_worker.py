@@ -5,6 +5,7 @@ from itertools import count, product
 
 import pytest
 
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import read_points
 from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.scenario.yaml_io import write_yaml
@@ -136,6 +137,14 @@ def test_firmware_that_crashes_or_never_returns_costs_its_own_trials_alone(tmp_p
     assert all("its worker died" in message for message in failed.values())
     assert sorted(trial for _, trial in failed) == [1, 2]  # of each controller one
     assert "robot 0, step 3: its controller has not returned for 0.5 s; its worker is ended\n" in err
+
+
+@pytest.mark.parametrize("limit", ["10s", "", "0", "-1", "nan", "inf"])
+def test_a_limit_that_is_no_time_is_refused_before_a_folder_is_made(limit, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, limit)
+    with pytest.raises(EpuckSimError, match=f"EPUCK_SIM_STEP_LIMIT_S is '{limit}'; allowed: seconds, 0.1 to 1e9"):
+        run_sweep("pair", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_trial_that_goes_on_may_take_longer_than_a_step(monkeypatch) -> None:
