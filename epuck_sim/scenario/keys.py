@@ -99,7 +99,8 @@ def _parameter_of_measure(given: Mapping[str, Any], key: str, folder: Path | Non
     measure = listed[int(found[1])]
     measure = {measure: {}} if isinstance(measure, str) else measure
     for name, parameters in measure.items() if isinstance(measure, Mapping) and len(measure) == 1 else ():
-        names = name, name.rpartition(":")[2], Path(name).stem, (parameters or {}).get("as")
+        file = Path(name).name.partition(":")[0]
+        names = name, name.rpartition(":")[2], file, Path(file).stem, (parameters or {}).get("as")
         if found[2] in names or (found[2],) == _contents(name, folder)[:1]:
             return ["measures", found[1], name, found[3]]
     return []

@@ -86,6 +86,7 @@ def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_
         (of_group, "robots.0.kind.radius_cm", 1.7, lambda s: s.group_kinds[0].radius_cm),
         ({"model": "particles"}, "k", 2, lambda s: s.neighbourhood.k),
         ({"measures": listed}, "measures.0.mine.offset", 3, lambda s: s.measures[0].parameters["offset"]),
+        ({"measures": listed}, "measures.0.mine.py.offset", 3, lambda s: s.measures[0].parameters["offset"]),
         ({"measures": listed}, "measures.1.seen.cells", 2, lambda s: s.measures[1].parameters["cells"]),
         ({"measures": listed}, "offset", 3, lambda s: s.measures[0].parameters["offset"]),
         ({"measures": [f"{tmp_path}/other.py"]}, "mine.offset", 3, lambda s: s.measures[0].parameters["offset"]),
