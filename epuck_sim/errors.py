@@ -39,3 +39,7 @@ class FilmError(EpuckSimError):
 
 class PortError(EpuckSimError):
     """A port of this machine at which no page can be shown."""
+
+
+class NumbaError(EpuckSimError, ImportError):
+    """A numba that compiles no trial; the server from which workers are forked passes an ImportError over."""

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.errors import NumbaError
 from epuck_sim.util.jit import PACKAGE, compile_cached, name_after, open_cache
 
 try:
@@ -46,9 +46,9 @@ try:
     from numba.np.arrayobj import array0d_to_scalar, populate_array
 except ImportError as error:
     said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
-    raise EpuckSimError(said) from error
+    raise NumbaError(said) from error
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-    raise EpuckSimError("NUMBA_DISABLE_JIT is set, but trials are compiled: unset it; --interpret is for controllers")
+    raise NumbaError("NUMBA_DISABLE_JIT is set, but trials are compiled: unset it; --interpret is for controllers")
 
 
 if (_LARGE := "scipy.linalg.cython_blas") not in sys.modules:  # of which numba asks here whether it is there alone

@@ -251,6 +251,10 @@ def test_another_numba_is_told_in_a_sentence_with_what_to_install(tmp_path) -> N
         assert found.stderr.startswith("error: numba 0.")
         assert said in found.stderr
         assert "install a numba that epuck-sim asks for, >=0.65 and <0.70" in found.stderr
+        command += ["--out", str(tmp_path / str(len(said)))]
+        found = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert (found.returncode, "Traceback" in found.stderr) == (1, False), found.stderr
+        assert said in found.stdout
 
 
 def test_numba_that_is_told_to_compile_nothing_is_refused() -> None:
