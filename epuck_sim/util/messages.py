@@ -71,15 +71,15 @@ def short_repr(value: object) -> str:
 
 
 def shortest_endings(keys: Iterable[str], separator: str = ".") -> dict[str, str]:
-    """Return the shortest ending of each key, or path, that none of the others has.
+    """Return the shortest ending of each key, or path, that none of the others has, and that is more than a number.
 
     >>> shortest_endings(["robots.0.count", "robots.1.count", "arena.width_cm"])
     {'robots.0.count': '0.count', 'robots.1.count': '1.count', 'arena.width_cm': 'width_cm'}
     """
     parts = {key: key.split(separator) for key in keys}
-    endings = {key: [separator.join(own[-n:]) for n in range(1, len(own) + 1)] for key, own in parts.items()}
-    uses = Counter(ending for own in endings.values() for ending in own)
-    return {key: next((ending for ending in own if uses[ending] == 1), key) for key, own in endings.items()}
+    found = {key: [separator.join(own[-n:]) for n in range(1, len(own) + 1)] for key, own in parts.items()}
+    uses = Counter(ending for own in found.values() for ending in own if not ending.isdigit())
+    return {key: next((ending for ending in own if uses[ending] == 1), key) for key, own in found.items()}
 
 
 def natural_order(name: str) -> list[tuple[str, int]]:
