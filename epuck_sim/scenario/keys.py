@@ -120,7 +120,7 @@ def _with(container: Any, parts: list[str], value: Any, origin: str, path: str =
     """
     if not parts:
         return value
-    first, *rest = parts
+    first, *rest = [".".join(parts)] if re.fullmatch(r"schedule\.\d+\.set", path) else parts
     if re.fullmatch(r"robot|robots\.\d+\.kind", path):
         container = as_section(container)
     elif path == "noise":

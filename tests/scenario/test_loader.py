@@ -80,6 +80,8 @@ def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_
         (tmp_path / f"{name}.py").write_text("def mine(simulation, offset=0.0):\n    return offset\n")
     listed = [{f"{tmp_path}/mine.py": {"offset": 1.0}}, {"coverage": {"as": "seen", "cells": 4}}]
     kilobots, of_group = ({"robots": [{"signal": {"kind": "radio"}, **kind}]} for kind in ({}, {"kind": "kilobot"}))
+    coupling = "robots.0.parameters.coupling"
+    later = [{"at_s": 5, "set": {coupling: 0.2}}]
     for sections, key, value, read in [
         ({"noise": "off"}, "noise.wheel_speed", 0.5, lambda s: s.noise.wheel_speed),
         ({"robot": "kilobot", **kilobots}, "robot.radius_cm", 1.7, lambda s: s.robot.radius_cm),
@@ -90,6 +92,7 @@ def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_
         ({"measures": listed}, "measures.1.seen.cells", 2, lambda s: s.measures[1].parameters["cells"]),
         ({"measures": listed}, "offset", 3, lambda s: s.measures[0].parameters["offset"]),
         ({"measures": [f"{tmp_path}/other.py"]}, "mine.offset", 3, lambda s: s.measures[0].parameters["offset"]),
+        ({"schedule": later}, f"schedule.0.set.{coupling}", 0.3, lambda s: s.schedule[0].set[coupling]),
         ({"measures": ["coverage"]}, "coverage.cells", 2, lambda s: s.measures[0].parameters["cells"]),
     ]:
         assert read(load_scenario(sections, [f"{key}={value}"])) == value
