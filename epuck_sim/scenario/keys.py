@@ -120,7 +120,8 @@ def _with(container: Any, parts: list[str], value: Any, origin: str, path: str =
     """
     if not parts:
         return value
-    first, *rest = [".".join(parts)] if re.fullmatch(r"schedule\.\d+\.set", path) else parts
+    has_dotted_keys = re.fullmatch(r"schedule\.\d+\.set|figure\.(labels|base_case)", path)
+    first, *rest = [".".join(parts)] if has_dotted_keys else parts
     if re.fullmatch(r"robot|robots\.\d+\.kind", path):
         container = as_section(container)
     elif path == "noise":

@@ -98,6 +98,8 @@ def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_
         assert read(load_scenario(sections, [f"{key}={value}"])) == value
         assert read(points(load_scenario(sections, axes=[f"{key}={value}"]))[0].scenario) == value
     kept = load_scenario({"noise": "off"}, ["noise.wheel_speed=0.5"]), load_scenario({"robot": "kilobot", **kilobots})
+    labelled = load_scenario("thesis", ["figure.labels.robots.0.count=N"], ["count=2,3"])
+    assert labelled.figure.labels == {"robots.0.count": "N"}
     assert (kept[0].noise.infrared_counts, kept[1].robot.kind) == (0, "kilobot")
 
 
