@@ -129,7 +129,7 @@ NAMED = {"UNIT": "", "OVER": "cycle"}
 """What a measure, or its file, may name of its value, and the defaults: see `Measure.unit` and `over`."""
 
 SERIES_COLUMNS = ("trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
-"""Columns of a table of series after what it is over: number of trials that reach a cycle, of those with a value..."""
+"""Columns of a table of series after what it is over; `known` is the number of the trials that have a value there."""
 
 MEASURE = Kind(
     noun="measure",

@@ -6,7 +6,6 @@ overlap the rings found before: robots may touch, but not overlap.
 """
 
 import math
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import cv2
@@ -102,19 +101,13 @@ def median(levels: npt.NDArray[np.uint8]) -> float:
     return (float(ordered[below]) + float(ordered[above])) / 2
 
 
-@lru_cache(maxsize=1)
-def _planes(shape: tuple[int, int]) -> list[Light]:
-    """Return room for the colours of a picture, until the next one: to make it anew takes longer than to fill it."""
-    return [np.empty(shape, np.uint8) for _ in range(3)]
-
-
-def ring_light(picture: Picture) -> tuple[Light, bool]:
-    """Return the light of rings in a picture, and whether the room is lit.
+def ring_light(picture: Picture, room: list[Light] | None = None) -> tuple[Light, bool]:
+    """Return the light of rings in a picture, and whether the room is lit; `room` is for its three colours meanwhile.
 
     It is the mean of the colours: a ring that burns out in one still has its shape in the others. In a lit room it is
     their difference: grey things are no rings.
     """
-    red, green, blue = cv2.split(picture, _planes(picture.shape[:2]))
+    red, green, blue = cv2.split(picture, room)
     if is_lit(picture):
         most, least = (combine(combine(red, green), blue) for combine in (cv2.max, cv2.min))
         return np.asarray(cv2.subtract(most, least), np.uint8), True
@@ -131,10 +124,13 @@ class Background:
     def __init__(self, levels: Light | None = None) -> None:
         self.levels = levels
         self._rise = self._last_s = 0.0
+        self._room: list[Light] | None = None  # for the colours of a picture: made anew, it takes longer than they do
 
     def light_beyond(self, frame: Frame) -> tuple[Light, bool]:
         """Learn from the next frame; return the light of its rings, and whether the room is lit, without background."""
-        light, room_is_lit = ring_light(frame.picture)
+        if self._room is None:
+            self._room = [np.empty(frame.picture.shape[:2], np.uint8) for _ in range(3)]
+        light, room_is_lit = ring_light(frame.picture, self._room)
         if room_is_lit:
             return light, True
         levels = np.zeros_like(light) if self.levels is None else self.levels

@@ -129,9 +129,11 @@ def _floor(arena: Arena) -> list[tuple[float, float, float, float, int]]:
 
     There is none on a floor that is white all over, which pages draw in a colour of theirs.
     """
+    if arena.floor.is_white:
+        return []
     levels, boxes = floor_levels(arena, PICTURE_CELLS if arena.floor.picture.size else FLOOR_CELLS), []
     rows, columns = levels.shape
-    for row, cells in enumerate(() if arena.floor.is_white else levels.tolist()):
+    for row, cells in enumerate(levels.tolist()):
         end = 0
         for level, run in groupby(cells):
             first, end = end, end + len(list(run))

@@ -368,7 +368,7 @@ class ParticleScenario(Scenario):
     model: Literal["particles"]
     space: SpaceSection = SpaceSection.model_construct()
     agents: AgentsSection = AgentsSection.model_construct()
-    neighbourhood: Annotated[Neighbourhood, Field(discriminator="kind")] = Nearest(kind="nearest")
+    neighbourhood: Annotated[Neighbourhood, Field(discriminator="kind")] = Nearest.model_construct(kind="nearest")
     response: ResponseSection = ResponseSection.model_construct()
     clocks: ClocksSection = ClocksSection.model_construct()
     start: StartSection = StartSection.model_construct()

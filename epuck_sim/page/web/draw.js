@@ -105,7 +105,8 @@ function drawArena(pen, place, shown, colour) {
   pen.path(corners, { fill: colour.floor }, true);
   for (const [west, north, east, south, level] of place.floor) {
     const [[x, y], [right, below]] = [at(west * place.width, north * place.height), at(east * place.width, south * place.height)];
-    pen.path([[x, y], [right, y], [right, below], [x, below]], { fill: `rgb(${level},${level},${level})`, stroke: `rgb(${level},${level},${level})`, width: 1 }, true); // no gaps
+    const grey = `rgb(${level},${level},${level})`;
+    pen.path([[x, y], [right, y], [right, below], [x, below]], { fill: grey, stroke: grey, width: 1 }, true); // no gaps
   }
   pen.path(corners, { stroke: colour.faint, width: 1.5 }, true);
   for (const [x, y, radius] of place.circles) pen.circle(...pair(at(x, y)), scale * radius, { fill: colour.rule, stroke: colour.faint });
