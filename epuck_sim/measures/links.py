@@ -14,6 +14,7 @@ import numpy as np
 
 from epuck_sim.arrays import IntArray
 from epuck_sim.measures.common import Series, Share, Shipped, allowed, check_sight, one_of
+from epuck_sim.util.jit import jit
 
 NO_LINKS: IntArray = np.zeros(0, np.int64)
 
@@ -27,19 +28,18 @@ class Links(Shipped):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._population = int(self.simulation.scenario.population)
-        self._seen = NO_LINKS
+        self._seen: list[IntArray] = [NO_LINKS]
         if not self.has_bodies:
             self.simulation.neighbour_links()  # compiles what finds them before any clock runs
 
     def stretch(self, stretch: Any, _: Any) -> None:
         _, looks, lit = stretch.sightings.T
-        if len(looks):
-            self._seen = np.union1d(self._seen, lit * self._population + looks)
+        self._seen.append(lit * self._population + looks)
 
     def cycle(self, _: Any, __: Any) -> None:
         if self.has_bodies:
-            self.take(self._seen)
-            self._seen = NO_LINKS
+            self.take(np.unique(np.concatenate(self._seen)))
+            self._seen = [NO_LINKS]
         else:
             self.take(self.simulation.neighbour_links())
 
@@ -92,19 +92,57 @@ def degrees(links: IntArray, population: int, direction: str) -> IntArray:
 
 
 def component_sizes(links: IntArray, population: int, connection: str) -> IntArray:
-    """Return the sizes of the components of the graph with these links, (links,) ascending numbers, in no order.
+    """Return the sizes of the components of the graph with these links, ascending numbers, in no order.
 
     In a weak component links count as if they led both ways; in a strong one each reaches each along links.
     """
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
+    if connection == "weak":
+        senders, receivers = np.divmod(links, population)
+        links = np.sort(np.concatenate((links, receivers * population + senders)))
+    begins = np.searchsorted(links, np.arange(population + 1) * population)
+    return strong_component_sizes(begins, links % population)
 
-    # of the types to which SciPy would convert them
-    receivers = (links % population).astype(np.int32)
-    rows = np.searchsorted(links, np.arange(population + 1) * population).astype(np.int32)
-    graph = csr_array((np.ones(len(links)), receivers, rows), shape=(population, population))
-    _, component = connected_components(graph, directed=True, connection=connection)
-    return np.bincount(component)
+
+@jit
+def strong_component_sizes(begins: IntArray, receivers: IntArray) -> IntArray:
+    """Return the sizes of the strong components, which Tarjan's search finds (SIAM J. Comput. 1, 146, 1972).
+
+    Links of each are those from (population + 1,) `begins` on; `receivers` has where each leads.
+    """
+    population = len(begins) - 1
+    following = begins.copy()  # the link of each that is to be followed next
+    rank = np.zeros(population, np.int64)  # in the order in which each was met, from 1; 0: not yet
+    lowest = np.zeros(population, np.int64)  # rank that each is known to reach; 0: its component is complete
+    path, waiting, sizes = np.zeros((3, population), np.int64)  # waiting: those met whose component is not complete
+    met = on_path = number = count = 0
+    for root in range(population):
+        node = root
+        while rank[root] == 0 or on_path > 0:
+            if rank[node] == 0:
+                met += 1
+                rank[node] = lowest[node] = met
+                path[on_path], waiting[number] = node, node
+                on_path, number = on_path + 1, number + 1
+            node = path[on_path - 1]
+            if following[node] < begins[node + 1]:
+                receiver = receivers[following[node]]
+                following[node] += 1
+                if rank[receiver] == 0:
+                    node = receiver
+                elif lowest[receiver] > 0:
+                    lowest[node] = min(lowest[node], rank[receiver])
+                continue
+            on_path -= 1
+            if lowest[node] < rank[node]:
+                before = path[on_path - 1]
+                lowest[before] = min(lowest[before], lowest[node])
+            else:
+                while lowest[node] > 0:
+                    number -= 1
+                    lowest[waiting[number]] = 0
+                    sizes[count] += 1
+                count += 1
+    return sizes[:count]
 
 
 @dataclass
