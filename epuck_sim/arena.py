@@ -27,7 +27,7 @@ LAMP_SHARE = 1 / 80  # radius of a lamp's dot in pictures, as a share of the are
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """What ground sensors see; white by default."""
+    """Brightness of the floor, for ground sensors; white by default."""
 
     brightness: float = 1.0
     """Brightness where there is no patch, from 0, black, to 1, white; without effect on a floor with a picture."""

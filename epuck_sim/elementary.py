@@ -61,7 +61,7 @@ def _upper_half(number: float) -> float:
 
 
 def _reduce_exactly(angle: float) -> tuple[int, float, float]:
-    """Return what `_reduce` does, of any angle, by as many digits of 2 / pi as it takes (Payne and Hanek 1983)."""
+    """Reduce any angle as `_reduce` does, by as many digits of 2 / pi as it takes (Payne and Hanek 1983)."""
     if not abs(angle) < math.inf:
         return 0, math.nan, math.nan
     fraction, exponent = math.frexp(abs(angle))

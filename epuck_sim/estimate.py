@@ -22,7 +22,7 @@ PLAIN = (1e-4, 1e7)
 
 
 class Estimate(NamedTuple):
-    """What is estimated, with its 95 % interval."""
+    """An estimate with its 95 % interval."""
 
     value: float
     """NaN where it is undetermined."""
@@ -30,7 +30,7 @@ class Estimate(NamedTuple):
     high: float = math.nan
     """NaN, as `low` is, where there is no interval; inf where the upper end is not reached."""
     name: str = ""
-    """What it is: mean, restricted mean, median, share."""
+    """Name of the statistic: mean, restricted mean, median, share."""
     unit: str = ""
     n: int = 0
     """Number of trials that it is of; 0 where it is not of trials."""

@@ -103,7 +103,7 @@ class Kind:
 
     @cached_property
     def offers(self) -> Mapping[str, Sequence[Place]]:
-        """What is shipped or offered by installed packages under each name: several where a name is taken twice."""
+        """Places of files, shipped or of installed packages, by name: several where a name is taken twice."""
         found = {name: [Place(name, path, OWN_PACKAGE)] for name, path in self.shipped().items()}
         for point in installed().select(group=self.group):
             package = getattr(point.dist, "name", None) or "a package without a name"
@@ -145,7 +145,7 @@ def _file_of(module: str, suffix: str) -> Path | None:
 
 
 class HasSources(Protocol):
-    """What has been loaded from files."""
+    """An object that was loaded from files."""
 
     @property
     def sources(self) -> Mapping[Path, bytes]:

@@ -214,6 +214,13 @@ def test_links_lead_somewhere_pages_say_for_whom_they_are_and_doors_are_short() 
         assert f"docs/{name}.md" in (ROOT / "README.md").read_text()
 
 
+def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
+    """As CONTRIBUTING says: not "Return what ...", but what it is."""
+    begin = re.compile(r'"""(?:Return what|What|Of|And|That|So) .*')
+    found = {path: begin.findall(path.read_text()) for path in (ROOT / "epuck_sim").rglob("*.py")}
+    assert not {str(path): each for path, each in found.items() if each}
+
+
 def test_examples_in_docstrings_hold() -> None:
     modules = [module.name for module in pkgutil.walk_packages(epuck_sim.__path__, "epuck_sim.")]
     results = [doctest.testmod(import_module(module)) for module in modules if not module.endswith("__main__")]

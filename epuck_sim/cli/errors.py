@@ -1,4 +1,4 @@
-"""What the command says where something is wrong, or slow: one message and an exit code, no traceback for a mistake."""
+"""Messages where something is wrong, or slow: one message and an exit code, no traceback for a mistake."""
 
 import errno
 import sys

@@ -1,4 +1,4 @@
-"""What `epuck-sim run` does: some trials at once, one trial of a sweep again, or a sweep into its run folder."""
+"""The work of `epuck-sim run`: some trials at once, one trial of a sweep again, or a sweep into its run folder."""
 
 import shlex
 from collections.abc import Callable, Iterator, Sequence
@@ -36,7 +36,7 @@ ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]
 
 
 class Watched(NamedTuple):
-    """What is written or shown of trials."""
+    """Files that are written of trials, and views of them."""
 
     trace: Path | None = None
     record: Path | None = None

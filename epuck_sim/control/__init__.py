@@ -1,1 +1,1 @@
-"""What a controller is, how its file is found and loaded, and how a group of robots runs it."""
+"""Controllers: their interface, how their files are found and loaded, and how a group of robots runs them."""

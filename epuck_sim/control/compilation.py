@@ -125,7 +125,7 @@ INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised fr
 
 
 def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: str) -> str:
-    """Return what to say of a file that numba cannot compile: place, what to do instead, reason, and the line."""
+    """Return the message about a file that numba cannot compile: place, what to do instead, reason, and the line."""
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
     reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")

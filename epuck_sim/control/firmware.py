@@ -36,7 +36,7 @@ SHARED_RANDOM = {"rand", "srand", "random", "srandom", "drand48", "srand48", "lr
 """Functions whose random numbers do not come from the robot's own stream."""
 
 FOR_THE_ROBOT = re.compile(r"p30F6014A\.h|\be_init_\w+|\bmain\s*(?=\()")
-"""What firmware has that is written for the robot itself."""
+"""Marks of firmware that is written for the robot itself."""
 
 FOR_THE_ROBOT_ITSELF = (
     "is for the robot itself; here the simulator calls the firmware. Three things change: #include <epuck.h> for the "
@@ -173,7 +173,7 @@ def _find_compiler(path: Path) -> list[str]:
 
 
 def _run(path: Path, command: Sequence[str | Path]) -> str:
-    """Return what a command prints; raise ControllerError with its own words if it fails."""
+    """Return the output of a command; raise ControllerError with its own words if it fails."""
     run = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, errors="replace")
     if run.returncode:
         source = path.read_text(errors="replace")

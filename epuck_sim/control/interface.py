@@ -1,4 +1,4 @@
-"""What a controller is: one Python file with `PARAMETERS`, `MEMORY`, `start` and `step` (see `control.loader`).
+"""The interface of controllers: one Python file with `PARAMETERS`, `MEMORY`, `start` and `step` (see `control.loader`).
 
     PARAMETERS = {"speed_cm_s": 6.0}     name -> default; the default's type is the parameter's type
     MEMORY = {"turns": int}              name -> type, or (type, shape): what a robot remembers between two steps
@@ -30,7 +30,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.user_files import Value, record_type, run_check, with_defaults
 
 EXTERNAL = ("wheels", "ring")
-"""What a controller may leave to commands from outside."""
+"""Parts of a robot that a controller may leave to commands from outside."""
 
 SENSORS = 8
 """Number of proximity sensors that a robot can read; it may have fewer."""
@@ -56,7 +56,7 @@ EPUCK_WHEELS = Wheels(epuck.WHEEL_LIMIT_CM_S, epuck.WHEEL_BASE_CM)
 
 
 class Sensors(NamedTuple):
-    """What one robot senses at the start of a control step."""
+    """Sensor readings of one robot at the start of a control step."""
 
     step_ms: int
     """Integer milliseconds on the robot's own clock since its last control step."""
@@ -76,11 +76,11 @@ class Sensors(NamedTuple):
     messages: IntArray = _NO_MESSAGES
     """(MAX_MESSAGES,): what the first of them say, as their senders have set `actuators.send`; 0 for a bare pulse."""
     wheels: Wheels = EPUCK_WHEELS
-    """What the robot knows of its wheels, for controllers that reckon with turns."""
+    """Constants of the wheels, for controllers that reckon with turns."""
 
 
 class World(NamedTuple):
-    """What a sensor in a file of its own can look at, at one instant."""
+    """The world at one instant, as sensors in files of their own see it."""
 
     time_s: float
     """Simulated time, s."""
@@ -116,7 +116,7 @@ ACTUATORS = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """What a user's file describes that runs on robots: a controller, or a sensor."""
+    """Code of a user's file that runs on robots: a controller, or a sensor."""
 
     name: str
     stored_name: str
@@ -166,7 +166,7 @@ class Controller(Described):
     start: Callable[..., None]
     step: Callable[..., None]
     external: tuple[str, ...]
-    """What is commanded from outside, of `EXTERNAL`."""
+    """The parts that are commanded from outside, of `EXTERNAL`."""
 
     @property
     def has_phase(self) -> bool:

@@ -41,10 +41,10 @@ CONTROLLER = Kind(
     group="epuck_sim.controllers",
     shipped=partial(builtin_files, CONTROLLERS),
 )
-"""What controllers are found by."""
+"""How controllers are found."""
 
 DRAW = "draw by epuck_sim.util.rng.uniform(random)"
-"""What controllers and sensors do instead of drawing numbers that follow from no seed."""
+"""Advice for controllers and sensors that draw numbers that follow from no seed."""
 
 CONTROLLER_PARTS = {
     "PARAMETERS": "a mapping of names to default values",
@@ -128,7 +128,7 @@ def _described(place: Place, file: PythonFile) -> Described:
 # --- sensors ------------------------------------------------------------------------------------------
 
 SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=dict)
-"""What sensors in files of their own are found by."""
+"""How sensors in files of their own are found."""
 
 SENSOR_PARTS = {
     "READINGS": "a mapping of names to types",

@@ -25,16 +25,16 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "sense": ("world", "robot", "readings", "parameters", "random"),
     "check": ("parameters",),
 }
-"""What a controller's functions, and a sensor's, are given, in this order."""
+"""Arguments of a controller's functions, and of a sensor's, in this order."""
 
 FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"), Controller: ("parameters",)}
-"""What is not set: a sensor would change outcomes, and a controller what all robots of its group have."""
+"""Arguments that code must not set: a sensor would change outcomes, a controller the values of its whole group."""
 
 GENERATORS = re.compile(r"random|numpy\.random(\..*)?")
 """Modules of classes whose methods draw numbers that are no robot's own, and that nobody can make again unseeded."""
 
 SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
-"""What a sensor sees of a robot's record."""
+"""Fields of a robot's record that a sensor sees."""
 
 
 def check_own_names(user: Controller | Sensor) -> None:
@@ -204,14 +204,14 @@ def _root(node: ast.AST) -> str:
 
 
 def unknown_name(role: str, name: str, names: Sequence[str]) -> str:
-    """Return what to say of a name that sensors, memory, actuators or parameters do not have."""
+    """Return the message about a name that sensors, memory, actuators or parameters do not have."""
     nearest = nearest_name(name, names)
     there = f"did you mean {nearest!r}?" if nearest else f"known: {comma_list(names)}"
     return f"{role} {'have' if role.endswith('s') else 'has'} no {name!r}; {there}"
 
 
 def _value_of(node: ast.expr, values: Mapping[str, object]) -> object:
-    """Return what a name, or a name in a module, stands for; None where that is not known."""
+    """Return the value of a name, or of a name in a module; None where that is not known."""
     if isinstance(node, ast.Name):
         return values.get(node.id)
     if isinstance(node, ast.Attribute):

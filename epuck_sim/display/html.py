@@ -44,7 +44,7 @@ def facts(rows: Iterable[tuple[str, Node]]) -> Element:
 
 
 def details(summary: str, *children: Node) -> Element:
-    """Return what is shown when its summary is clicked."""
+    """Return a part of a page that is shown when its summary is clicked."""
     return element("details", element("summary", summary), *children)
 
 
@@ -93,7 +93,7 @@ figure > svg { display: block; width: 100%; max-width: 40rem; height: auto; back
 """Style of the page."""
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-"""What a page may load, and run: nothing, whatever names and messages of others stand in it."""
+"""Content policy of a page: it loads and runs nothing, whatever names and messages of others stand in it."""
 
 
 def write_html(path: Path | str, make: Callable[[], str]) -> None:

@@ -107,7 +107,7 @@ class _Column(NamedTuple):
 
 
 def cell_text(cell: Any) -> str:
-    """Return what people read in a cell.
+    """Return the text of a cell for people.
 
     >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.051), 2**53, 0.00123456, None, True)]
     ['44 [29, 67]', '5 %', '9007199254740992', '0.00123', '-', 'yes']

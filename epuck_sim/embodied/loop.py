@@ -34,7 +34,7 @@ from epuck_sim.util.native import address_of, array_at, call
 from epuck_sim.util.rng import uniform
 
 DONE, FIRED, AT_WORK = -1, -2, -3
-"""What `take_steps` returns: all is well, and the reference does not, or does, fire at the end; and nothing yet."""
+"""Outcomes of `take_steps`: without and with a firing of the reference at the end; and, for steps yet to be taken."""
 
 
 @jit_no_alloc
@@ -208,7 +208,7 @@ def act_together(
 def plan_calls(
     scenario: EmbodiedScenario, sensors: Sequence[OwnSensor], controllers: Sequence[GroupControllers]
 ) -> tuple[list[tuple[Any, int]], list[tuple[Any, int]]]:
-    """Return what a control step calls, functions (block, addresses, number) with their numbers, early and late."""
+    """Return the calls of a control step, early and late: functions (block, addresses, number), with their numbers."""
     groups, differ, faulty = range(len(scenario.robots)), scenario.spread.clock_rate > 0, bool(scenario.faults)
     early = [
         *([(tick, 0)] * differ),
@@ -226,7 +226,7 @@ def plan_calls(
 
 
 def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
-    """Return what a control step calls, in this order, to have a group sense: functions (block, addresses, group)."""
+    """Return the functions (block, addresses, group) by which a group senses, in the order of their calls."""
     if section.signal.kind != "camera":
         return [sense_infrared, receive_pulses if section.signal.kind == "radio" else perceive_flashes]
     camera = section.camera
@@ -397,7 +397,7 @@ class History:
 # --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------
 
 PARTS = {"left_cm_s": "wheels", "right_cm_s": "wheels", "ring_on": "ring"}
-"""What is commanded, by name, and the part of a controller's `EXTERNAL` that leaves it to commands."""
+"""Commands by name, and the part of a controller's `EXTERNAL` that leaves each to commands."""
 
 
 class Commands:

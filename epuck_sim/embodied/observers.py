@@ -1,4 +1,4 @@
-"""What can be known of robots from outside: which see whose rings, and what they touch, in any step or the present one.
+"""Robots as seen from outside: which see whose rings, and what they touch, in any step or the present one.
 
 Observers put poses into a scene, a block of their own; the simulation's is left alone. Robots themselves see red
 pixels, and cannot tell which robot a pixel shows; they do not feel contacts, which pymunk resolves several times in a

@@ -1,4 +1,4 @@
-"""What sensors in files of their own ask of the world: the floor, lamps, robots and walls at a place.
+"""Functions for sensors in users' files: the floor, lamps, robots and walls at a place.
 
 Each function takes `world` first, as `sense` is given it, and runs in compiled and in interpreted sensors alike. Where
 there is no function, `world` has the records themselves (see `control.interface.World`).

@@ -217,7 +217,7 @@ class Simulation:
 
     @property
     def controllers(self) -> list[Controller]:
-        """What runs on the robots of each group."""
+        """The controller of each group."""
         return [group.controller for group in self._groups]
 
     @property

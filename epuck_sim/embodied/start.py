@@ -35,7 +35,7 @@ from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.rng import uniform
 
 PLACEMENT, INFRARED_NOISE, WHEEL_NOISE, CONTROLLERS, VARIATION, SIGNALS, FAULTS, SCHEDULE, SENSORS = range(9)
-"""What has random numbers of its own, independent of those of all others: spawn keys of the trial's seed."""
+"""Spawn keys of the trial's seed: each has random numbers of its own, independent of those of all others."""
 
 
 def draw_start(block: ByteArray, seed: int) -> None:

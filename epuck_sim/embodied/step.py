@@ -57,9 +57,9 @@ class Step(NamedTuple):
     memories: tuple[npt.NDArray[Any], ...]
     """One record array for each group: the memory of each of its robots."""
     sensed: tuple[tuple[slice, npt.NDArray[Any]], ...]
-    """Of each sensor in a file of its own, numbers of the robots that have it and a record array of what they read."""
+    """Robots that have each sensor in a file of its own, and a record array of their readings."""
     scene: Scene
-    """What `sightings` and `contacts` are found in: the present step's."""
+    """The present step's scene, in which `sightings` and `contacts` are found."""
     found: dict[str, IntArray]
     """Those that were found."""
 

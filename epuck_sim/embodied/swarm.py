@@ -35,7 +35,7 @@ SENSED = record_type(
         ("messages", "i8", MAX_MESSAGES),  # what the first of them say
     ]
 )
-"""What a robot's controller reads in a control step, beside its row of pixels."""
+"""Readings of a robot's controller in a control step, beside its row of pixels."""
 
 ROBOT = record_type(
     [
@@ -298,7 +298,7 @@ SCENE = record_type(
         ("drives", "i8"),  # of the bodies whose velocities the wheels of robots give them; -1 without movables
     ]
 )
-"""What is one for all robots."""
+"""State and constants that all robots share."""
 
 INT64, FLOAT64, BYTE = map(np.dtype, (np.int64, np.float64, np.uint8))
 

@@ -95,7 +95,7 @@ class UserCode(ABC):
         return str(self._user.path), error
 
     def fault(self, error: BaseException) -> RobotError | None:
-        """Return what to say of an error that this code has raised on a robot; None if it did not."""
+        """Return the fault of an error that this code has raised on a robot; None if it did not."""
         if not self._is_at_work() or isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C
             return None
         robot = int(self._scene.serving)

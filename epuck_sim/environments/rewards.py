@@ -18,7 +18,7 @@ COVERED_CM = 10.0  # distance from a robot's centre, in cm, within which `covera
 GRID_CM = 5.0  # distance between the points at which `coverage` looks at the floor, in cm
 
 NO_PHASES = "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
-"""What is said of a swarm whose synchrony is asked for."""
+"""Message for rewards of synchrony in a swarm without oscillators."""
 
 
 class Situation(NamedTuple):
@@ -104,7 +104,7 @@ REWARD = Kind(
     shipped=lambda: dict.fromkeys(REWARDS),
     form="a function, or a file that ends in .py",
 )
-"""What rewards are found by."""
+"""How rewards are found."""
 
 
 def find_reward(reward: SituationFunction | str) -> SituationFunction:

@@ -38,7 +38,7 @@ left and right on the spot, drive an arc to the left and to the right."""
 
 
 class Task(TypedDict, total=False):
-    """What agents are to do: the arguments of every environment, each of which may be left out."""
+    """Task of the agents: the arguments of every environment, each of which may be left out."""
 
     seed: int | None
     """Seed of the first episode of the first swarm, `seed + 1` of the second, and so on; by default the scenario's."""
@@ -407,7 +407,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
 
 
 def _side_by_side(value: Any, block: ByteArray, copies: ByteArray) -> Any:
-    """Return what an array of a block, or each of a tuple, is in copies of the block; what is not in it as it is."""
+    """Return views of an array in copies of its block, (copies, ...); of each in a tuple; other values as they are."""
     if type(value) is tuple:
         return tuple(_side_by_side(each, block, copies) for each in value)
     first = value.ctypes.data - block.ctypes.data if isinstance(value, np.ndarray) else -1

@@ -41,7 +41,7 @@ FILE = re.compile(r"(?:.*/)?([^/]+)\.(?:py|c)(?::(\w+))?")
 FOLDER = "folder"  # axis of points of several run folders, whose values are the folders' names
 
 OTHER_GROUP = re.compile(r"robots\.[1-9][0-9]*(\..*)?")
-"""What keys of a group of robots beside the first begin with; such a group is always named."""
+"""Beginning of keys of a group of robots beside the first, which is always named."""
 
 KINDS = ("kind", "shape")  # keys of a section that say what it is
 

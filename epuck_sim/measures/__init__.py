@@ -1,1 +1,1 @@
-"""What a measure of a trial is, how it is found by name or in its file, and the shipped ones."""
+"""Measures of a trial: their interface, how they are found by name or in a file, and the shipped ones."""

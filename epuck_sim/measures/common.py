@@ -1,4 +1,4 @@
-"""What shipped measures share: series, shares, allowed parameters, and phases and positions whatever the model.
+"""Base classes of shipped measures: series, shares, allowed parameters, and phases and positions in both models.
 
 The fields of a measure that is a dataclass are its parameters.
 """

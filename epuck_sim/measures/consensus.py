@@ -23,7 +23,7 @@ STREAM = 18  # number that sets the words' random stream apart from the trial's 
 
 @dataclass
 class _Talk(Series):
-    """What both measures share: who knows which words, and the rule by which that changes."""
+    """Base class of both measures: who knows which words, and the rule by which that changes."""
 
     rule: str = "naming_game"
     check = staticmethod(allowed(rule=one_of(RULES)))

@@ -35,7 +35,7 @@ class FlashesSeen(Share):
 
 
 class _FlashViews(Shipped):
-    """What both measures below share: in how many steps of each flash each other robot has it in view."""
+    """Base class of two measures: in how many steps of each flash each other robot has it in view."""
 
     MODELS = ("embodied",)
     check_scenario = staticmethod(check_sight)
@@ -99,7 +99,7 @@ class FlashesRepeated(_FlashViews):
 
 @dataclass
 class _Suspicion(Shipped):
-    """What both measures share: who suspects whom, and who does not flash."""
+    """Base class of two measures: who suspects whom, and who does not flash."""
 
     cycles: float = 2.0
     check, check_scenario = staticmethod(allowed(cycles=ABOVE_0)), staticmethod(check_sight)

@@ -20,7 +20,7 @@ NO_LINKS: IntArray = np.zeros(0, np.int64)
 
 
 class Links(Shipped):
-    """What all measures of links share: the links of each cycle."""
+    """Base class of measures of links: the links of each cycle."""
 
     MODELS = ("embodied", "particles")
     check_scenario = staticmethod(check_sight)
@@ -170,7 +170,7 @@ class Isolated(Links, Series):
 
 @dataclass
 class _Components(Links, Series):
-    """What both measures of components share; their values are None before `cycles` cycles have passed."""
+    """Base class of both measures of components, whose values are None before `cycles` cycles have passed."""
 
     connection: str = "weak"
     cycles: int = 1

@@ -1,4 +1,4 @@
-"""What a measure is, and how it is found: shipped and installed ones by name, users' as FILE.py:NAME, or as FILE.py.
+"""The interface of measures, and how they are found: by name, or in a user's file as FILE.py:NAME or FILE.py.
 
 A measure is a small class, or a function, that is told of a trial and returns one value at its end. docs/measures.md
 has its methods and attributes. A measure is told of what it has methods for; without any but `cycle` and `value`,
@@ -126,7 +126,7 @@ SHIPPED = {name: module for module, names in _BY_MODULE.items() for name in name
 """Module of each shipped measure, by its name, which is that of its class: `link_life` is `LinkLife`."""
 
 NAMED = {"UNIT": "", "OVER": "cycle"}
-"""What a measure, or its file, may name of its value, and the defaults: see `Measure.unit` and `over`."""
+"""Constants that a measure, or its file, may have, and their defaults: see `Measure.unit` and `over`."""
 
 SERIES_COLUMNS = ("trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
 """Columns of a table of series after what it is over; `known` is the number of the trials that have a value there."""
@@ -139,7 +139,7 @@ MEASURE = Kind(
     shipped=lambda: dict.fromkeys(sorted(SHIPPED)),
     form="FILE.py:NAME",
 )
-"""What measures are found by."""
+"""How measures are found."""
 
 
 def find_measure(name: str, folder: Path | None = None) -> Measure:

@@ -1,4 +1,4 @@
-"""What a robot's controller remembers: a field of its MEMORY, by name."""
+"""A field of a controller's MEMORY, by name."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -39,7 +39,7 @@ class Memory(Series):
         self._series.append(float(chosen.mean()) if len(chosen) else None)
 
     def value(self) -> float | list[float | None] | None:
-        """Return what is taken; None without a cycle."""
+        """Return the final value, the mean or the series; None without a cycle."""
         if self.take == "series":
             return self._series
         known = [each for each in self._series if each is not None]

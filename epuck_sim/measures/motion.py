@@ -47,7 +47,7 @@ class NearWalls(Share):
 
 
 class _Moves(Shipped):
-    """What both measures of robots' ways share: how far they move from step to step, and from stretch to stretch."""
+    """Base class of two measures: how far robots move from step to step, and from stretch to stretch."""
 
     _place: FloatArray | None = None
 
@@ -146,7 +146,7 @@ MOST_CELLS = 10**6  # most cells of a map
 
 @dataclass
 class _Map(Shipped):
-    """What both measures of places share: how many were in each cell, at all cycles together."""
+    """Base class of two measures: the number of robots or agents in each cell, summed over all cycles."""
 
     cells: int = 10
     check = staticmethod(allowed(cells=up_to(MOST_CELLS)))

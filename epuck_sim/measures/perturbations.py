@@ -18,7 +18,7 @@ SMALLEST, LARGEST = 1e-12, 0.1
 
 @dataclass
 class _Twin(Series):
-    """What all measures of perturbations share: the largest deviation of a phase from the twin's, at each cycle."""
+    """Base class of measures of perturbations: the largest deviation of a phase from the twin's, at each cycle."""
 
     displacement: float = 0.0
     check = staticmethod(allowed(displacement=BELOW_HALF_A_CYCLE))

@@ -101,7 +101,7 @@ def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
 
 @dataclass
 class _Clusters(Shipped):
-    """What all measures of clusters share: who is in which at each cycle."""
+    """Base class of measures of clusters: the members of each, at each cycle."""
 
     gap: float = 0.02
     check = staticmethod(allowed(gap=BELOW_HALF_A_CYCLE))

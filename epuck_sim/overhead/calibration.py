@@ -95,7 +95,7 @@ def parse_metadata(description: Mapping[str, Any] | None) -> FilmMetadata:
 
 
 class TrackOptions(NamedTuple):
-    """What the user knows about a film; None for what its description or its pictures must provide."""
+    """The user's knowledge of a film; None for values that its description or its pictures must provide."""
 
     arena_cm: tuple[float, float] | None = None  # width and height of the floor
     height_cm: float | None = None  # height of the camera above the floor
@@ -322,7 +322,7 @@ class _Survey:
 
 
 def _seen_by(finder: RingFinder, light: Light) -> list[list[float]]:
-    """Return what a finder with a search camera sees of each ring.
+    """Return each ring as a finder with a search camera sees it.
 
     That is column, row and radius, px; flattening, cosine and sine; light, levels; and misfit relative to the radius.
     """

@@ -200,7 +200,7 @@ View = dict[tuple[float, ...], FloatArray]
 
 
 class LensFile(BaseModel):
-    """What the file holds."""
+    """Contents of a lens file."""
 
     width_px: Annotated[WholeNumber, Field(ge=1)]
     height_px: Annotated[WholeNumber, Field(ge=1)]

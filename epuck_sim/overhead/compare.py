@@ -369,7 +369,7 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
 
 
 def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> dict[str, Estimate]:
-    """Return what a film determines, by the keys that a scenario has.
+    """Return the values that a film determines, by the keys of a scenario.
 
     Of several groups of robots, a film does not show whose values are whose: it determines only those of the camera.
     """

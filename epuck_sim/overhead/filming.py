@@ -205,7 +205,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
 
 
 def _origin(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Return what a film says of how to make it again."""
+    """Return the facts by which a film can be made again."""
     return {"epuck_sim": versions()["epuck_sim"], "scenario": scenario.name, "seed": seed, "versions": versions()}
 
 

@@ -274,7 +274,7 @@ class RingCounter:
         self._outside = 0
 
     def _on_floor(self, rings: list[Ring]) -> list[Ring]:
-        """Return what may be robots' rings: a robot at a wall is its radius inside, its image as far outside."""
+        """Return the rings that robots may have: a robot at a wall is its radius inside, its image as far outside."""
         width_cm, height_cm = self._geometry.floor_cm
         is_known = self._geometry.knows_floor
         return [ring for ring in rings if not is_known or (0 <= ring.x_cm <= width_cm and 0 <= ring.y_cm <= height_cm)]
@@ -285,7 +285,7 @@ class RingCounter:
         return np.array(self._times, np.float64), np.array(self._counts, np.int64)
 
     def counted(self) -> CountedRings:
-        """Return what has been counted so far."""
+        """Return the counts so far."""
         times_s, counts = self.lit
         background = self._background.levels
         bright = max(LIT_LEVEL, self._geometry.ring_light)

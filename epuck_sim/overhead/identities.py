@@ -174,7 +174,7 @@ class Ways(NamedTuple):
 
 
 class Habits(NamedTuple):
-    """What is usual of the robots of a film."""
+    """Usual motion and flashing of the robots of a film."""
 
     period_s: float
     speed_cm_s: float  # speed of a robot that drives straight ahead
@@ -188,7 +188,7 @@ class Habits(NamedTuple):
 
     @classmethod
     def at_first(cls, flashes: FlashTable, period_s: float, floor_cm: tuple[float, float]) -> Self:
-        """Return what is assumed before any flash is linked."""
+        """Return the habits that are assumed before any flash is linked."""
         middles = SHORTEST + (np.arange(BINS) + 0.5) * (LONGEST - SHORTEST) / BINS
         plain = np.exp(-(((middles - 1) / PLAIN_SPREAD) ** 2) / 2)
         shortened = np.where((middles > 0.5) & (middles < 1), 1.0, 0.02)
@@ -197,7 +197,7 @@ class Habits(NamedTuple):
         return cls(period_s, speed_cm_s, floor_cm, cycles, kinds, along=0.03, aside=0.06, swerve=0.2, turn_s=0.7)
 
     def relearnt(self, ways: Ways) -> Self:
-        """Return what is usual of ways that robots have gone, with a little of what was assumed before."""
+        """Return the habits of ways that robots have gone, with a little of those assumed before."""
         counts, _ = np.histogram(ways.gap_s / self.period_s, BINS, (SHORTEST, LONGEST))
         smooth = np.convolve(counts + 0.02 * len(ways.gap_s) / BINS, (0.2, 0.6, 0.2), "same")
         likely = self._parts(ways)

@@ -46,7 +46,7 @@ PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</t
 
 
 class Watching(NamedTuple):
-    """What is written and shown while a camera films; None for what is not."""
+    """Files that are written and views that are shown while a camera films; None for those that are not."""
 
     record: Path | None = None  # a film of all that the camera delivers, to track it again
     rings: Path | None = None  # a CSV table of all rings in all frames

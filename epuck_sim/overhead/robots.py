@@ -192,7 +192,7 @@ def pair_columns(_: Track, robots: Robots) -> Columns:
 
 
 def summary(track: Track, robots: Robots) -> dict[str, Any]:
-    """Return what is known of the robots, as the numbers and texts of a JSON object."""
+    """Return the robots as the numbers and texts of a JSON object."""
     least = track.options.order_parameter or ORDER_PARAMETER
     in_order_s = robots.flashes.onset_s[np.nan_to_num(_order(track, robots)) >= least]
     after_s = float(in_order_s[0]) - track.start_s if len(in_order_s) else None

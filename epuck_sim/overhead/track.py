@@ -44,7 +44,7 @@ SAME_TIME_S = 1e-6  # times that differ by less are the same; the difference is 
 
 
 class Track(NamedTuple):
-    """What was found in a film."""
+    """Flashes, counts and synchrony found in a film."""
 
     film: str
     frames: int  # number of frames, including those of a lit beginning

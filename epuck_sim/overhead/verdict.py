@@ -42,7 +42,7 @@ TILTED_DEG = 3.0  # tilt of a camera from which positions are doubtful if no cor
 
 
 class Evidence(NamedTuple):
-    """What is known of a film once its counts are evaluated."""
+    """Evidence of a film once its counts are evaluated."""
 
     counted: CountedRings  # counts and flashes, without those of lights that are no flashes
     lit_always: int  # number of places with such lights
@@ -132,7 +132,7 @@ def objections(evidence: Evidence) -> list[str]:
 
 
 def _about_robots(evidence: Evidence) -> list[str]:
-    """Return what does not add up to the number of robots: rings lit at once, or flashes in a period."""
+    """Return doubts about the number of robots: by the rings lit at once, or the flashes in a period."""
     robots, most_lit, per_period = evidence.robots, evidence.most_lit, evidence.flashes_per_period
     if robots is not None and most_lit > robots:
         return [

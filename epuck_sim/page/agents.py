@@ -1,4 +1,4 @@
-"""What a page needs to know of a scenario of point agents; `web/agents.js` makes blocks of it, as `rules` does here."""
+"""Facts of a scenario of point agents for its page: `web/agents.js` makes blocks of them, as `rules` does here."""
 
 import base64
 import math
@@ -42,7 +42,7 @@ def check_agents(scenario: ParticleScenario) -> None:
 
 
 def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
-    """Return what `web/agents.js` makes the swarms of a scenario from; raise ScenarioError if it cannot be a page."""
+    """Return the facts from which `web/agents.js` makes swarms; raise ScenarioError for scenarios that have no page."""
     check_agents(scenario)
     rules, start = rules_of(scenario), scenario.start
     arrays, walk, stop = Arrays(rules.new_block()), scenario.agents.walk, scenario.stop
@@ -108,7 +108,7 @@ def _angles(scenario: ParticleScenario) -> tuple[float, ...]:
 
 
 def agents_settings(scenario: ParticleScenario) -> list[Setting]:
-    """Return what a page changes of a scenario of agents, each with its value in the thesis's base case."""
+    """Return the settings of a page of agents, each with its value in the thesis's base case."""
     agents, rule, own = scenario.agents, scenario.neighbourhood, scenario.space
     period_s, side_cm = scenario.clocks.period_s, own.side_cm
     speed, coupling, count = agents.speed_cm_s, scenario.response.coupling, agents.count

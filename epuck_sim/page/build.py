@@ -32,7 +32,7 @@ from epuck_sim.util.native import compile_elsewhere
 
 TARGET = "wasm32-unknown-unknown"
 FEATURES = "+nontrapping-fptoint,+sign-ext,+bulk-memory,+mutable-globals"
-"""What every browser of the last five years knows of WebAssembly."""
+"""Features of WebAssembly that every browser of the last five years has."""
 
 LINKING = (
     *("-target", "wasm32-wasi", "-mexec-model=reactor", "-O3", "-DNDEBUG", "-ffp-contract=off", "-Wno-everything"),

@@ -1,4 +1,4 @@
-"""What a page needs to know of a scenario of robots: blocks as the program makes them, and where things stand there."""
+"""Facts of a scenario of robots for its page: blocks as the program makes them, and the places of fields in them."""
 
 import base64
 import math
@@ -61,7 +61,7 @@ def check_robots(scenario: EmbodiedScenario) -> None:
 
 
 def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
-    """Return what `web/robots.js` makes the swarms of a scenario from; raise ScenarioError if it cannot be a page."""
+    """Return the facts from which `web/robots.js` makes swarms; raise ScenarioError for scenarios that have no page."""
     check_robots(scenario)
     arena, contact, stop = scenario.arena.build(), scenario.contact, scenario.stop
     return {
@@ -115,7 +115,7 @@ def _memory_fields(memory: np.dtype[Any]) -> dict[str, tuple[int, str]]:
 
 
 def _remembered(group: RobotGroup) -> dict[str, Any]:
-    """Return what a group's robots remember at the start where the scenario says so: a number for all, or for each."""
+    """Return a group's memory at the start, as far as the scenario gives it: a number for all robots, or for each."""
     known, found = _memory_fields(find_controller(group.controller).memory), dict[str, Any]()
     for field, given in group.memory.items():
         names = [name for name in known if name.partition(".")[0] == field]
@@ -214,7 +214,7 @@ def _views(scenario: EmbodiedScenario) -> tuple[Any, ...]:
 
 
 def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario, counts: tuple[int, ...]) -> list[Setting]:
-    """Return what a page changes of robots; thesis: the base case; counts: numbers of robots that the page has."""
+    """Return the settings of a page of robots; thesis: the base case; counts: numbers of robots that the page has."""
     group, base, side_cm = scenario.robots[0], thesis.robots[0], scenario.arena.width_cm
     settings, whose = [], " of the first group" * (len(scenario.robots) > 1)
     if len(counts) > 1:

@@ -1,4 +1,4 @@
-"""What pages of agents and of robots share: keys that are changed, refusals, and where numbers stand in records."""
+"""Settings of pages of agents and of robots: their keys, refusals, and the places of numbers in records."""
 
 import math
 from collections.abc import Iterable

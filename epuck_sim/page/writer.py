@@ -113,7 +113,7 @@ def make_page(
 
 
 def page_data(scenario: EmbodiedScenario | ParticleScenario, given: str) -> dict[str, Any]:
-    """Return what a page knows of its scenario: facts of the swarm, values of all keys, and what can be changed.
+    """Return the data of a page: facts of the swarm, values of all keys, and settings that can be changed.
 
     `given` is what commands take for it.
     """

@@ -1,4 +1,4 @@
-"""What a trial begins with: the rules of its scenario, and its initial conditions (thesis 3, 5.1, 5.4, D.1).
+"""The beginning of a trial: the rules of its scenario, and its initial conditions (thesis 3, 5.1, 5.4, D.1).
 
 The rules are made once for all seeds. From a seed to the first event all is compiled, but for speeds and periods that
 differ from agent to agent.
@@ -65,7 +65,7 @@ POSITION_SEED, PHASE_SEED, MOTION_SEED, RECEIVER_SEED = range(4)
 
 
 class Rules(NamedTuple):
-    """What the swarms of a scenario have in common, whatever their seeds."""
+    """Constants that all swarms of a scenario share, whatever their seeds."""
 
     beginning: ByteArray
     """Bytes with which the block of a swarm begins to which nothing has happened; others are of no account."""

@@ -48,7 +48,7 @@ class Response(NamedTuple):
 
     @property
     def record(self) -> tuple[float, ...]:
-        """What the scene of a swarm has of it: `swarm.RESPONSE`."""
+        """Its record in the scene of a swarm: `swarm.RESPONSE`."""
         return (*self[:6], 0.0)
 
 
@@ -166,7 +166,7 @@ def shift_at(curve: ByteArray, phase: float) -> float:
 
 
 def curve_error(section: ResponseSection, phase: float, error: Exception) -> CurveError:
-    """Return what to say of an error in a user's curve: plain Python, called once more, knows the line."""
+    """Return the message of an error in a user's curve, with its line, which a second call in plain Python finds."""
     curve = find_curve(section.curve)
     try:
         curve.check_shift(phase, section.coupling, curve.resolve(section.parameters))

@@ -105,7 +105,7 @@ LIMITS = record_type(
         ("max_offset", "f8"),  # the order parameter is measured when all phases are within so many of the reference's
     ]
 )
-"""What ends a call of `events.advance`."""
+"""Limits that end a call of `events.advance`."""
 
 SCENE = record_type(
     [
@@ -169,7 +169,7 @@ SCENE = record_type(
         ("generator", "u8", GENERATOR_WORDS),
     ]
 )
-"""What is one for all agents."""
+"""State and constants that all agents share."""
 
 SCENE_BYTES = SCENE.itemsize
 
@@ -226,7 +226,7 @@ KEPT_ARRAYS = (
     *("next_firing", "period", "origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time"),
     *("wall", "streams", "run_end_cycle", "run_end_time", "receiver_streams", "fired", "received", "headings_before"),
 )
-"""What a swarm keeps when its rules change while it runs."""
+"""Arrays and fields that a swarm keeps when its rules change while it runs."""
 
 
 def keep_state(before: Arrays, after: Arrays) -> None:

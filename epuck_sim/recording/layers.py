@@ -1,4 +1,4 @@
-"""What a recording draws: the arena, whatever its model, and in a full one what robots or agents sense and whom.
+"""Drawings of a recording: the arena, whatever its model, and in a full one what robots or agents sense and whom.
 
 The arena lies under `/arena`, in cm. In rerun's pictures y points down; a transform there flips them, so that data keep
 the coordinates of the simulation. What each entity holds is in docs/recordings.md.
@@ -93,7 +93,7 @@ MEANINGS = {
         "yellow if that shifts its phase.",
     ),
 }
-"""What lines and arrows mean, of robots and of agents: in every recording, and besides in a full one."""
+"""Meaning of lines and arrows, for robots and for agents: in every recording, and besides in a full one."""
 
 _STROKES = (
     ((0, 0), (1, 0), (1, 2), (0, 2), (0, 0)),

@@ -22,7 +22,7 @@ MARGIN_CM, MARGIN_SHARE = 2.0, 1 / 30
 
 
 class Arrangement(NamedTuple):
-    """What a layout depends on."""
+    """Facts on which a layout depends."""
 
     level: Level
     noun: str  # what one of the population is called

@@ -23,10 +23,10 @@ SEAL = "/__properties/seal"  # the property that holds the digest and the length
 
 _MARK = b"jV3xQm8kTz5wLr2NgY7u"  # stands before them
 _BLANK = b"Kd81Xf3aP60cHe95Wb27Js4f0Mq7a2Zc9dT4eR6bV15G83Uy73Bn0eDa9Fc25Lh8ExWk1d6fS0b4390v"
-"""What stands in their place while the digest is computed: 64 hexadecimal digits, and 16 of the length in bytes."""
+"""Placeholder while the digest is computed, of 64 hexadecimal digits, and of 16 for the length in bytes."""
 
 _GUARD = b"oQzTvMwYhN"
-"""What stands before and behind all this: the first and last bytes may go into what the file's compression repeats."""
+"""Guard before and behind all this, whose outer bytes the file's compression may take for a repetition."""
 
 
 @contextmanager

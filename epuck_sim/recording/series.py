@@ -79,7 +79,7 @@ def time_series(batch: RowBatch, population: Population, threshold: float | None
 
 
 class Texts:
-    """What has changed, as a log, and what the trial has come to: seconds, the cycle, and T_sync once it is known."""
+    """Texts of a recording: a log of changes, and a state line with seconds, the cycle, and T_sync once it is known."""
 
     def __init__(self, threshold: float | None) -> None:
         """Begin before the first row; without a threshold of the order parameter there is no T_sync."""

@@ -133,7 +133,7 @@ def draw_screenshot(path: Path, at_s: float, picture: Path) -> None:
 
 
 def _paint(client: Any, path: Path, at_s: float) -> bytes:
-    """Return what a viewer shows of a recording at a moment, as PNG."""
+    """Return a viewer's picture of a recording at a moment, as PNG."""
     until = time.monotonic() + PAINT_S
     while client.open(str(path.resolve())).loading and time.monotonic() < until:
         time.sleep(0.5)

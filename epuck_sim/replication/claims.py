@@ -109,7 +109,7 @@ class Check(ConfigModel):
 
     @property
     def predicted(self) -> tuple[float | None, float | None]:
-        """What the effect is above, and what it is below."""
+        """Bounds of the predicted effect, low and high; None where it has none."""
         if self.rises is not None:
             return (RISE, None) if self.rises else (None, RISE)
         return self.within or (self.above, self.below)
@@ -204,7 +204,7 @@ class Claims(ConfigModel):
     sweeps: dict[str, AskedSweep] = Field(default_factory=dict)
     claims: Annotated[tuple[Claim, ...], Field(min_length=1)]
     notes: tuple[Text, ...] = ()
-    """What the page ends with: contradictions within the text, misprints, identities that it takes for findings."""
+    """Notes at the page's end: contradictions within the text, misprints, identities that it takes for findings."""
 
     @model_validator(mode="after")
     def _names_agree(self) -> "Claims":

@@ -37,11 +37,11 @@ FITTED_VALUES = 6  # fewest that these have: T_sync of a few cycles is too coars
 
 
 class Effect(NamedTuple):
-    """What a test finds in the trials of some points."""
+    """Effect that a test finds in the trials of some points."""
 
     estimate: Estimate
     p_above: Callable[[float], float]
-    """Of a threshold: probability of data that speak as clearly for an effect above it, if the effect is not."""
+    """One-sided p-value of an effect above a threshold."""
     p_below: Callable[[float], float]  # the same for an effect below it
     is_scattered: bool = False
     """Whether points scatter so much about a line that more trials of them would tell little more: `SCATTERED`."""

@@ -179,7 +179,7 @@ def _decisive(answer: Answer) -> list[Finding]:
 
 
 def _found(judged: Finding) -> str:
-    """Return what a test has found and, in brackets, what was predicted."""
+    """Return the effect that a test has found and, in brackets, the one predicted."""
     low, high = judged.check.predicted
     between = f"{low:g} to {high:g}" if low is not None and high is not None else ""
     return f"{judged.effect.estimate} ({between or (f'<{high:g}' if low is None else f'>{low:g}')})"
@@ -254,7 +254,7 @@ def _sweep_cells(name: str, points: Sequence[PointTrials], wall_s: float, failed
 
 
 def describe_check(check: Check) -> str:
-    """Return what a test looks at."""
+    """Return a test in words: the effect that it looks at."""
     test = TESTS[check.test]
     names = {**dict(check), "number": check.number.replace("_", " "), "measure": check.of or "synchronised"}
     names |= {key: key_name(names[key]) for key in ("along", "over") if key in test.takes}

@@ -187,7 +187,7 @@ class Decider:
         return sorted(found, key=lambda look: (min(look.claims.values()), look.cost_s))
 
     def table(self) -> Table:
-        """Return what is undecided, and what it would take."""
+        """Return the undecided claims, and the time that would decide them."""
         rows, near = [], []
         for look in self.next_looks():
             for claim, cost_s in look.claims.items():

@@ -46,7 +46,7 @@ REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
     "largest": max,
     "growth": growth,
 }
-"""What stands for the values of a series."""
+"""Reductions of a series to one number."""
 
 LOGARITHMIC = {"power_exponent": "along", "place_exponent": "over", "collapse": "along"}  # axes whose logarithms count
 
@@ -54,7 +54,7 @@ AnyPoint = TypeVar("AnyPoint", Point, PointTrials)  # a point of a sweep, with o
 
 
 class Verdict(StrEnum):
-    """What is found of a claim, or of one of its checks."""
+    """Verdict on a claim, or on one of its checks."""
 
     HOLDS = "holds"
     CONTRADICTED = "contradicted"
@@ -78,7 +78,7 @@ class Finding(NamedTuple):
 
 
 def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
-    """Return what a test finds in its claim's sweep, with what the check takes of its trials; raise as below."""
+    """Run a check's test on the trials that it takes of its claim's sweep; raise as below."""
     if check.test == "formula":
         value = FORMULAS[check.number]()
         exact = Effect(Estimate(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0)
@@ -187,7 +187,7 @@ EFFECTS: dict[str, Callable[[Check, Points, Samples], Effect]] = {
     "place_exponent": _place_exponent,
     "collapse": _collapse,
 }
-"""What each test finds: of a check, the points that it uses, and their samples."""
+"""Tests by name: functions of a check, the points that it uses, and their samples."""
 
 
 def reduction(check: Check) -> str | None:

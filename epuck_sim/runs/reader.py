@@ -338,7 +338,7 @@ def read_wall_times(folder: Path) -> dict[int, list[float]]:
 
 
 class Verdict(NamedTuple):
-    """What was found of one file of a run folder."""
+    """Verdict on one file of a run folder."""
 
     file: str
     is_whole: bool

@@ -89,7 +89,7 @@ class PolygonPatch(Patch, Polygon):
 
 
 class FloorSection(ConfigModel):
-    """What ground sensors see."""
+    """Brightness of the floor, for ground sensors."""
 
     brightness: Brightness = 1.0
     """From 0, black, to 1, white, where there is no patch."""
@@ -135,11 +135,11 @@ class ArenaSection(ConfigModel):
     """Length of the floor along y, from the robots' diameter."""
     obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
     movables: tuple[Movable, ...] = ()
-    """What robots can push: as high as they are, so that it hides rings and is seen by infrared sensors."""
+    """Discs that robots can push: as high as robots, they hide rings and are seen by infrared sensors."""
     floor: FloorSection = FloorSection.model_construct()
-    """What ground sensors see."""
+    """Brightness of the floor, for ground sensors."""
     lamps: tuple[Lamp, ...] = ()
-    """What light sensors see."""
+    """Lamps, for light sensors."""
 
     def _check_together(self) -> None:
         solids = {f"obstacles.{number}": shape for number, shape in enumerate(self.obstacles)}

@@ -34,7 +34,7 @@ class FigureSection(ConfigModel):
     panels: str | None = None
     """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
     statistic: Literal["mean", "median", "weibull-mean"] = "mean"
-    """What stands for the trials of a point in curves and maps."""
+    """Statistic of a point's trials in curves and maps."""
     censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
     base_case: dict[str, Any] = Field(default_factory=dict)

@@ -117,7 +117,7 @@ ALLOWED = {
     "tuple_type": "a list",
     "value_error": "{error}",
 }
-"""What is allowed, by pydantic's type of the error; in braces, what pydantic knows of it."""
+"""Allowed values in words, by pydantic's type of the error; in braces, fields of pydantic's error."""
 
 
 def section_classes(annotation: Any) -> list[type[ConfigModel]]:

@@ -1,4 +1,4 @@
-"""What may fail in robots while a trial runs (thesis 4.4), and what changes: the sections `faults` and `schedule`."""
+"""Faults of robots (thesis 4.4), and changes while a trial runs: the sections `faults` and `schedule`."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -74,7 +74,7 @@ class FaultSection(ConfigModel):
 
     @property
     def changes(self) -> str:
-        """What it changes, see `FAULTS`."""
+        """The part of a robot that it changes, see `FAULTS`."""
         return FAULTS[self.kind]
 
     def numbers(self) -> dict[str, Sequence[int]]:
@@ -162,7 +162,7 @@ class Displacement(ConfigModel):
     """A displacement of phases."""
 
     by_cycles: Annotated[Number, Field(ge=-LARGEST, le=LARGEST)] | Literal["random"]
-    """What is added to each phase, in cycles; or `random`, for phases drawn uniformly instead."""
+    """Displacement of each phase, in cycles; or `random`, for phases drawn uniformly instead."""
 
     def __str__(self) -> str:
         """Return the displacement in words."""

@@ -22,7 +22,7 @@ from epuck_sim.util.messages import comma_list
 
 
 class ContactSection(ConfigModel):
-    """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
+    """Contacts of bodies; by default they slide past each other (thesis 3.1.4.1)."""
 
     later_keys: ClassVar[tuple[str, ...]] = ("robots", "drive_force_n")
 
@@ -262,7 +262,7 @@ class EmbodiedScenario(Scenario):
 
     @property
     def notes(self) -> list[str]:
-        """What is allowed and may not be meant: no T_sync, and what never happens; see `Scenario.notes`."""
+        """Notes of `Scenario.notes`, and those on trials without T_sync and on changes that never happen."""
         stop, found = self.stop, super().notes
         is_limited = stop.order_parameter is None or "max_time_s" in stop.model_fields_set
         if not is_limited and not self._may_have_t_sync():

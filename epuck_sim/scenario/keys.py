@@ -196,7 +196,7 @@ def add_measures(
 
 
 def _contents(measure: Any, folder: Path | None) -> Any:
-    """Return what tells whether two measures are the same, wherever they lie."""
+    """Return a value that is equal for equal measures, wherever their files lie."""
     with suppress(MeasureError):
         found = find_measure(str(measure), folder)
         return found.name, tuple(found.sources.values())

@@ -69,7 +69,7 @@ SCENARIO = Kind(
     shipped=_shipped,
     form="a .yaml file, or a run folder",
 )
-"""What scenarios are found by."""
+"""How scenarios are found."""
 
 RUN_SCENARIO = "scenario.yaml"  # name of the file in a run folder that holds its scenario
 
@@ -208,7 +208,7 @@ FILES: Mapping[str, Callable[[str, Path | None], str]] = {
     r"arena\.floor\.picture": find_picture,
     r"start\.like": find_like,
 }
-"""What finds files that values on an axis name, by patterns of keys: the name by which a file is found again."""
+"""Finders of files that values on an axis name, by patterns of keys; each returns the name to find it again."""
 
 
 def _finder(key: str) -> Callable[[str, Path | None], str] | None:

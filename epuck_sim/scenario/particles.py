@@ -82,7 +82,7 @@ CURVE = Kind(
     group="epuck_sim.curves",
     shipped=lambda: dict.fromkeys(SHIPPED),
 )
-"""What response curves are found by."""
+"""How response curves are found."""
 
 
 def find_curve(name: str, folder: Path | None = None) -> Curve:

@@ -1,4 +1,4 @@
-"""What kind of robot those of a scenario, or of one of its groups, are: body, wheels and sensors; robots in files.
+"""Kinds of robots, of a scenario or of one of its groups: body, wheels and sensors; robots in files.
 
 Sensors in files of their own (see `control.loader`) are given as a list of files, `[ground.py, {light.py: {range_cm:
 30}}]`, or by names: `{left: {file: eye.py}}`. A scenario keeps them by names, which are those of their files, so that
@@ -107,7 +107,7 @@ ROBOT = Kind(
     group="epuck_sim.robots",
     shipped=partial(builtin_files, ROBOTS),
 )
-"""What robots are found by."""
+"""How robots are found."""
 
 
 class RobotFile(NamedTuple):
@@ -254,7 +254,7 @@ class CameraMount(ConfigModel):
 
 
 class RobotKind(ConfigModel):
-    """What kind of robot all robots of the scenario are: one in a file, or one that differs from it in some keys."""
+    """Kind of all robots of the scenario: one in a file, or one that differs from it in some keys."""
 
     kind: str = "epuck"
     """A shipped robot, an installed package's, or a file (.yaml), whose values the other keys have by default."""
@@ -298,7 +298,7 @@ class RobotKind(ConfigModel):
 
     @property
     def wheels(self) -> Wheels:
-        """What controllers know of the wheels."""
+        """Constants of the wheels for controllers."""
         return Wheels(limit_cm_s=float(self.wheel_limit_cm_s), base_cm=float(self.wheel_base_cm))
 
     @property

@@ -139,7 +139,7 @@ class RobotGroup(ConfigModel):
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
     kind: RobotKind | None = None
-    """What kind of robot they are; by default that of the section `robot`."""
+    """Kind of its robots; by default that of the section `robot`."""
     present: bool = True
     """Whether its robots are in the arena at the start; else the schedule adds them."""
     placement: Literal["random", "grid", "poses"] = "random"
@@ -151,7 +151,7 @@ class RobotGroup(ConfigModel):
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
     memory: dict[str, Any] = Field(default_factory=dict)
-    """What robots remember at the start, by name, instead of what the controller starts with: a number, or one entry
+    """Memory at the start, by name, instead of what the controller starts with: a number, or one entry
     for each robot; `phase_ms` is an oscillator's phase."""
     signal: SignalSection = CameraSignal.model_construct()
     camera: CameraSection = CameraSection.model_construct()

@@ -183,7 +183,7 @@ class Scenario(ConfigModel):
     name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
     """Name in tables and figures; by default that of the file."""
     description: str = ""
-    """What the scenario is, in a line: title of figures, and shown by `list`."""
+    """Description in a line: title of figures, and shown by `list`."""
     model: str
     stop: StopSection
     trials: Annotated[WholeNumber, Field(ge=1, le=10_000_000)] = 1
@@ -193,7 +193,7 @@ class Scenario(ConfigModel):
     seed: Annotated[WholeNumber, Field(ge=0)] = 0
     """The master seed, from which each trial gets its own."""
     measures: tuple[MeasureSection, ...] = ()
-    """What is measured in each trial, besides T_sync."""
+    """Measures of each trial, besides T_sync."""
     sweep: SweepAxes | None = None
     figure: FigureSection = FigureSection.model_construct()
 
@@ -261,7 +261,7 @@ class Scenario(ConfigModel):
 
     @property
     def notes(self) -> list[str]:
-        """What is allowed and may not be meant: changes that come when trials are over; not of what a sweep decides."""
+        """Notes on what is allowed but may not be meant: changes after the end of trials, unless a sweep sets them."""
         found: list[str] = []
         for key in () if self.sweep else ("faults", "schedule"):
             for number, each in enumerate(getattr(self, key, ())):

@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class Statistic(StrEnum):
-    """What a figure shows of the trials of a point."""
+    """The statistic of a point's trials in a figure."""
 
     MEAN = "mean"  # mean of the sample; restricted to the horizon where trials are censored
     MEDIAN = "median"  # median of the Kaplan-Meier estimate

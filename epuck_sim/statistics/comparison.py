@@ -126,7 +126,7 @@ def welch(parts: Parts) -> tuple[float, float]:
 
 
 Permuted = tuple[FloatArray, FloatArray]
-"""What a pair has for a contrast, and after permutations, (1 + B,), and the variances of these, (1 + B,)."""
+"""Contrast of a pair, as it is and after B permutations, (1 + B,), and the variances of these, (1 + B,)."""
 
 
 def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTATIONS) -> Permuted:
@@ -203,7 +203,7 @@ Points = Sequence[PointTrials]
 
 
 class Samples(NamedTuple):
-    """What is compared: k samples at each of some points."""
+    """Samples that are compared: k of them at each of some points."""
 
     names: list[str]  # (k,) what each sample is of
     matches: list[tuple[dict[str, Any], list[PointTrials | None]]]
@@ -217,7 +217,7 @@ class PointComparison(NamedTuple):
     trials: tuple[int, int]
     censored: tuple[float, float]  # share of the trials of each, at the lower of the two limits
     statistic: str
-    """What is compared: mean, restricted mean where trials are censored, or share of truth values that are true."""
+    """Mean, restricted mean where trials are censored, or share of truth values that are true."""
     first: Estimate  # undetermined where all trials are censored, as are difference and ratio then
     second: Estimate
     difference: Estimate  # B - A

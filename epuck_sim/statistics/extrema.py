@@ -154,7 +154,7 @@ strength, (B,), 0 without any, and its size, (B,), which chance must make as lar
 
 
 def _find(fit: SmoothedLogs, without: FloatArray, find: Finder) -> Extrema:
-    """Return what is found on a curve, and on its resamples; `without` is the best curve, (K,), on which nothing is."""
+    """Return the extrema of a curve and of its resamples; `without` is the best curve, (K,), that has none."""
     by_chance = without + fit.resampled - fit.resampled.mean(axis=0)
     one, resampled, noise = ((logs @ fit.smoother.T) for logs in (fit.logs[None], fit.resampled, by_chance))
     found, (strength,), _ = find(fit.speeds, one)
@@ -224,7 +224,7 @@ def find_minimum(fit: SmoothedLogs) -> Extrema:
 
 
 class ExtremaSearch(NamedTuple):
-    """What has been found on a curve."""
+    """Extrema found on a curve, and their p-value."""
 
     places: dict[str, Place]  # those of the pair, by the names in `PLACES`; none where there is none beyond noise
     p_value: float | None  # None where it cannot be looked for

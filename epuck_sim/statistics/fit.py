@@ -295,7 +295,7 @@ def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> 
 
 
 FOUND = {"embodied": "a minimum and a peak", "particles": "a minimum and a peak, or V_f"}
-"""What curves have that laws are of, by model."""
+"""Features of curves that the laws describe, by model."""
 
 NOUNS = {"embodied": "robots", "particles": "point agents"}  # names of the models
 
@@ -304,7 +304,7 @@ NOTES = {
     "particles": "The thesis's laws of T_m and T_p (4.2.2) are of robots. Agents are points: T_sync does not depend on "
     "L where V and R grow with it, and T_p grows exponentially with N (5.4.1). V_m and V_p: 4.2.2; V_f: 5.4.1.",
 }
-"""What the thesis claims, by model."""
+"""The laws of the thesis, by model."""
 
 
 def fit_tables(curves: Sequence[FittedCurve], laws: Laws) -> list[Table]:

@@ -16,7 +16,7 @@ POWER = 0.8  # probability with which a difference is to be seen, by default
 
 
 class PointPlan(NamedTuple):
-    """What one point needs."""
+    """Trials that one point needs."""
 
     point: int
     axes: dict[str, Any]
@@ -28,7 +28,7 @@ class PointPlan(NamedTuple):
 
 
 class TrialPlan(NamedTuple):
-    """What a sweep needs for a difference to be seen."""
+    """Trials that a sweep needs for a difference to be seen."""
 
     difference: float  # relative to the smaller mean; of shares, the difference itself
     power: float  # probability with which it is seen

@@ -366,7 +366,7 @@ def _weibull_mean(measured: Measured) -> Estimate:
 
 OF_CENSORED = {"restricted_mean": _restricted_mean, "weibull_mean": _weibull_mean}
 SUMMARIES: Mapping[str, Callable[[Measured], Estimate]] = {"mean": _mean, "median": _median, **OF_CENSORED}
-"""What `summarize` estimates for a point, by its name in JSON and CSV, and of it what is shown where some is censored.
+"""Estimates of `summarize` for a point, by their names in JSON and CSV, and those shown where trials are censored.
 
 What makes no sense of a measure is undetermined, and has no name.
 """

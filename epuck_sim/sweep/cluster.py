@@ -112,7 +112,7 @@ def _slots(client: "Client", address: str) -> Callable[[], int]:
 
 
 OwnFiles = dict[tuple[str, ...], tuple[str, ...]]
-"""What `own_files` gives of scenarios, by the names of what is compiled for them."""
+"""Users' files of scenarios, see `own_files`, by the names of what is compiled for them."""
 
 
 class SameVersionsExecutor(Executor):

@@ -1,4 +1,4 @@
-"""What a sweep demands, before it is run: valid points, memory, disk and time."""
+"""Demands of a sweep, before it is run: valid points, memory, disk and time."""
 
 import math
 import random

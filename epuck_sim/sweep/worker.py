@@ -169,7 +169,7 @@ def step_limit_s() -> float:
 
 
 def never_returned(robot: int, step: int, code: str, limit_s: float) -> str:
-    """Return what to say of user's code that is `AtWork` for longer than a limit."""
+    """Return the message about user's code that is `AtWork` for longer than a limit."""
     where = f"robot {robot}, step {step}" if robot >= 0 else f"step {step}" if step >= 0 else "at the start"
     return f"{where}: {f'its {code}' if code else 'a measure or response curve'} has not returned for {limit_s:g} s"
 

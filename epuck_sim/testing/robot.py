@@ -72,11 +72,11 @@ class TestRobot:
     __test__: ClassVar[bool] = False  # or pytest would take this class for tests
 
     memory: "Record"
-    """What the robot remembers, by name."""
+    """The robot's memory, by name."""
     parameters: "Record"
     """The controller's parameters, by name; changes count from the next step on."""
     readings: "Record"
-    """What sensors in files of their own tell, by name."""
+    """Readings of sensors in files of their own, by name."""
     infrared = _Field[FloatArray]("_senses", np.asarray)
     """(8,) counts: raw readings of the proximity sensors; distances do not follow from them here."""
     distance_mm = _Field[IntArray]("_senses", np.asarray)

@@ -1,1 +1,1 @@
-"""What the graph of who hears whom says of a swarm before any trial: its regimes, and T_sync in its limits."""
+"""Predictions from the graph of who hears whom, before any trial: regimes, and T_sync in its limits."""

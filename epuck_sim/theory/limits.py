@@ -42,7 +42,7 @@ class Pair(NamedTuple):
 
 
 def measure_pair(response: Response, threshold: float) -> Pair:
-    """Return what a curve does to two oscillators, which count as one at a threshold of the order parameter."""
+    """Measure a response curve on two oscillators, which count as one at a threshold of the order parameter."""
     offsets = np.array([SMALL, 1 - SMALL])
     lead, lag = np.abs(offsets + phase_shift(response, offsets) - [0, 1]).tolist()
     square = (lead**2 + lag**2) / (2 * SMALL**2)  # 1 - r of two is in proportion to the square of their distance

@@ -36,7 +36,7 @@ that of V_p in those by which they were judged (docs/theory.md)."""
 
 
 class Prediction(NamedTuple):
-    """What follows from who hears whom, without a trial."""
+    """Predictions for a scenario from the graph of who hears whom."""
 
     scenario: str
     intermediate_regime: Verdict
@@ -55,7 +55,7 @@ class Prediction(NamedTuple):
 
     @property
     def cells(self) -> dict[str, Any]:
-        """What a table of several predictions has of each."""
+        """Cells of this prediction in a table of several."""
         return {
             "regime": self.intermediate_regime.verdict,
             "probability": Share(self.intermediate_regime.probability),
@@ -239,7 +239,7 @@ def _speed_of(scenario: Scenario) -> float:
 
 
 def without_speed(scenario: Scenario) -> dict[str, Any]:
-    """Return what a prediction depends on beside the speed."""
+    """Return the keys on which a prediction depends, without the speed."""
     dump = scenario.model_dump(mode="json", exclude={"name", "description", "seed"})
     section: Any = dump["agents"] if isinstance(scenario, ParticleScenario) else dump["robots"][0]["parameters"]
     section.pop("speed_cm_s", None)

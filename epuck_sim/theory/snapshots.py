@@ -127,7 +127,7 @@ def _moved(scenario: EmbodiedScenario, poses: FloatArray, distance_cm: float) ->
 
 
 class GraphMeasures(NamedTuple):
-    """What the snapshots of a swarm have in common."""
+    """Measures of the graphs in a swarm's snapshots."""
 
     links: Estimate  # links an agent: to how many others its pulse goes
     reciprocity: Estimate  # share of links whose receiver has a link back; NaN without links

@@ -134,7 +134,7 @@ def _call(measure: Measure, origin: str, function: Callable[..., Any], *given: A
 
 
 def as_value(given: Any) -> Value:
-    """Return what a measure has returned as a plain number, truth value or None, or as a list of them.
+    """Convert the value of a measure to a plain number, truth value or None, or to a list of them.
 
     >>> as_value(np.float64(0.5)), as_value(np.array([1, 2])), as_value(math.nan), as_value([True, None])
     (0.5, [1, 2], None, [True, None])
@@ -145,7 +145,7 @@ def as_value(given: Any) -> Value:
 
 
 def last_scalar(given: Any) -> Scalar:
-    """Return what a measure has returned as a plain scalar; of a series its last one, None if it is empty."""
+    """Convert the value of a measure to a plain scalar; a series to its last one, None if it is empty."""
     if isinstance(given, list | tuple | np.ndarray):
         return _as_scalar(given[-1]) if len(given) else None
     return _as_scalar(given)

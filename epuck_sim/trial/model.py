@@ -22,7 +22,7 @@ from epuck_sim.trial.result import Observer, Progress, TrialResult
 
 
 class Simulated(Protocol):
-    """What a simulation of any model has in common with the others."""
+    """The interface of simulations of all models."""
 
     @property
     def scenario(self) -> Scenario:

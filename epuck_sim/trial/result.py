@@ -1,4 +1,4 @@
-"""What a trial shows its observers while it runs, whether it looks hopeless, and its outcome."""
+"""A trial's state for its observers, whether it looks hopeless, and its outcome."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -41,7 +41,7 @@ class TrialState(Protocol):
 
     @property
     def events(self) -> Sequence[TrialEvent]:
-        """What has changed so far by a schedule, or by faults."""
+        """Changes so far by a schedule, or by faults."""
 
     @property
     def outcome(self) -> Firing:
@@ -114,7 +114,7 @@ class HopelessnessWatch:
 
 
 class TrialResult(NamedTuple):
-    """What came out of a trial."""
+    """Outcome of a trial."""
 
     scenario: str
     """The scenario's name."""
@@ -140,7 +140,7 @@ class TrialResult(NamedTuple):
     measures: Mapping[str, Value] = {}
     """Value of each of the scenario's measures by its name."""
     events: tuple[TrialEvent, ...] = ()
-    """What has changed: entries of the schedule that were carried out, and faults that began and ended."""
+    """Changes: entries of the schedule that were carried out, and faults that began and ended."""
 
     @property
     def real_time_factor(self) -> float:

@@ -1,4 +1,4 @@
-"""What this machine has, and what not every system has: signals, limits of a process, memory, ports.
+"""The machine: signals, limits of a process, memory and ports, as far as its system has them.
 
 Where signals or limits are missing, none applies.
 """
@@ -52,7 +52,7 @@ def allow_files(needed: int) -> int | None:
 # --- memory: what needs more than there is, is refused before it takes any ----------------------------
 
 NEGLIGIBLE_BYTES = 64_000_000
-"""What needs less is not compared with what there is: to look it up costs as much as the start of a small trial."""
+"""Need in bytes below which free memory is not looked up: that takes as long as the start of a small trial."""
 
 CGROUPS = Path("/sys/fs/cgroup")  # where Linux shows what a batch system or a container allows
 

@@ -1,4 +1,4 @@
-"""What numba's public interface lacks: the one file of the package that imports its inside.
+"""Additions to numba's public interface: the one file of the package that imports its inside.
 
 numba makes machine code of every function, with everything that it calls inside: of what is called through eight
 others, eight times. A part of another kernel needs none of its own, which saves a fifth of the time of compiling.
@@ -146,7 +146,7 @@ def compile_part(function: Any, **options: object) -> Any:
 SHIPPED = PACKAGE / "compiled"  # folder of a release's compiled code, laid out as a cache folder is: see `make dist`
 
 X86_64_V3 = {"avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"}
-"""What a processor of x86-64-v3 has, and one of x86-64-v2 may lack, as LLVM names it."""
+"""Features that x86-64-v3 adds to x86-64-v2, by LLVM's names."""
 
 _features, _settings = binding.get_host_cpu_features(), vars(numba.config)
 if _settings["CPU_NAME"] is None and SHIPPED.is_dir() and all(map(_features.get, X86_64_V3)):
@@ -230,7 +230,7 @@ event.register("numba:compile", _recorder)
 
 
 def _compilations() -> list[tuple[bool, Any]]:
-    """Return what this process has compiled, and is compiling: whether that began or ended, and the function."""
+    """Return the compilations of this process: whether each began or ended, and the function."""
     return [(each.is_start, each.data["dispatcher"].py_func) for _, each in list(_recorder.buffer)]
 
 
@@ -373,7 +373,7 @@ def _call_c(result: ir.Type) -> Any:
 
 
 def _caller(result: Any, generate: Any) -> Any:
-    """Return what compiled code calls with an address and arguments, for the function there."""
+    """Return the intrinsic that calls the function at an address with arguments."""
 
     @_intrinsic
     def call_at(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001

@@ -230,7 +230,7 @@ _KINDS: dict[type, str] = {
     pymunk.Poly: "Shape",
     pymunk.Body: "Body",
 }
-"""What Chipmunk calls what worlds are made of, in the order in which it is taken out of a space."""
+"""Chipmunk's names of the parts of worlds, in the order in which they are taken out of a space."""
 
 
 def _struct(thing: Thing) -> Any:

@@ -31,7 +31,7 @@ Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 Disc = tuple[pymunk.Body, pymunk.Shape]  # the body of a robot or a movable, and its shape
 
 Drive = tuple[pymunk.Body, pymunk.Constraint]
-"""What drives a robot where there are movables: a body with the commanded velocity, and its joint with it."""
+"""Drive of a robot where there are movables: a body with the commanded velocity, and the joint of the two."""
 
 
 @dataclass
@@ -47,13 +47,13 @@ class Bodies:
 
     @property
     def listed(self) -> list[Thing]:
-        """What kernels call Chipmunk for, in the order in which they have the addresses."""
+        """The parts that kernels move by Chipmunk, in the order of their addresses."""
         moved = [body for body, _ in (*self.movables, *self.drives)]
         return [*_each(self.robots), *moved, *self.surfaces]
 
     @property
     def pushed(self) -> list[Thing]:
-        """What is in the space for the whole of a trial, beside the ground and its surfaces, in this order."""
+        """The parts that are in the space for a whole trial, beside the ground and its surfaces, in this order."""
         return [*_each(self.movables), *self.holds, *(joint for _, joint in self.drives)]
 
 

@@ -34,7 +34,7 @@ class World:
 
     is_public: bool  # whether Python moves the bodies
     _addresses: npt.NDArray[Any]
-    """What `addresses` returns, and more; objects instead of addresses where Python moves the bodies."""
+    """Those of `addresses`, and more; objects instead of addresses where Python moves the bodies."""
 
     def __init__(self, arenas: Sequence[Arena], kinds: Sequence[RobotKind], contact: ContactSection) -> None:
         """Make the bodies; a trial begins in the first of all its arenas, by `use` and `place`."""
@@ -53,7 +53,7 @@ class World:
             )
 
     def addresses(self) -> list[int]:
-        """Return what the addresses begin with, up to where other parts of the swarm add theirs; see `use`."""
+        """Return the first addresses, to which other parts of the swarm add theirs; see `use`."""
         return [0] * chipmunk.END if self.is_public else self._listed()
 
     def _listed(self) -> list[Any]:

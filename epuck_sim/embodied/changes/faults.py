@@ -182,7 +182,7 @@ def has_fault(robot: Any, kind: int) -> bool:
 
 
 def take_events(swarm: Swarm) -> list[TrialEvent]:
-    """Return what has begun and ended since the last call, one event for all robots in which a fault did so at once."""
+    """Return the faults that began or ended since the last call, one event for robots in which one did so at once."""
     scene = swarm.scene[0]
     order = ("time_ms", "fault", "begins", "robot")
     changes = np.sort(swarm.log[: scene.changes], order=order)[list(order)].tolist()

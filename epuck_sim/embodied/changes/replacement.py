@@ -32,7 +32,7 @@ _PLACES = {
 
 
 class Replaced(NamedTuple):
-    """What the robots of a group remember that have a new controller."""
+    """Fields that robots with a new controller keep, or begin anew."""
 
     kept: tuple[str, ...]  # fields that robots still remember
     started: tuple[str, ...]  # fields of the new controller that have begun anew

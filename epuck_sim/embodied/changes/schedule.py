@@ -1,4 +1,4 @@
-"""What a schedule changes: who is in the arena, walls, phases, and faults.
+"""Changes of a schedule: robots that come and go, walls, phases, and faults.
 
 Robots that are not in the arena are parked far outside, at rest and in the dark. There they touch nothing, hide nobody
 and are not seen; what they would sense there is blanked, and their controllers do not run.

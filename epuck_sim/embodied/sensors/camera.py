@@ -90,7 +90,7 @@ class Eye(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """What a camera sees so far."""
+    """A camera's picture while it is being taken."""
 
     rays: Any  # (pixels,) RAY: where pixels look
     labels: IntArray  # (robots,) what a pixel that shows the robot becomes

@@ -1,4 +1,4 @@
-"""What Enki's camera sees of another robot (thesis 3.1.4.3; Magnenat et al. 2007, `CircularCam`).
+"""Enki's camera (thesis 3.1.4.3; Magnenat et al. 2007, `CircularCam`).
 
 A disc covers the arc that its radius does at the distance of its centre, atan(radius / distance) to either side, and
 hides what is covered by discs whose centres are farther. A robot is seen if any part of its arc is in view and not

@@ -1,4 +1,4 @@
-"""What sensors look with: rays that end at surfaces, views that rule out what they cannot show, and lists of lit rings.
+"""Lines of sight: rays that end at surfaces, views that rule out what they cannot show, and lists of lit rings.
 
 A ray starts at (ox, oy) and runs along the unit vector (dx, dy); its functions return the distance in cm to the first
 surface, `inf` where the ray misses, and 0 where it starts inside a disc and looks towards its centre. Views rule out
@@ -21,7 +21,7 @@ ATAN2_ERROR_RAD = 1.2e-5
 """Bound of the error of `fast_atan2` in rad: at most 1.15e-5, near the diagonals (Abramowitz and Stegun 4.4.49)."""
 
 SLACK_CM = 1e-6
-"""What is added to a robot's radius in cm, so that rounding never rules out a robot that a ray just meets."""
+"""Allowance in cm on a robot's radius, so that rounding never rules out a robot that a ray just meets."""
 
 
 # --- rays ---------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What all forms of figures have in common: a form is one object that reads and checks, draws, and tabulates."""
+"""Interface of the forms of figures: a form is one object that reads and checks, draws, and tabulates."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
@@ -24,7 +24,7 @@ MAX_DOTS = 1000  # largest number of trials at a point that an SVG holds as dots
 
 @dataclass(frozen=True)
 class Choices:
-    """What is asked of a figure."""
+    """Choices of a figure, by its scenario and by options."""
 
     section: FigureSection
     """The scenario's section `figure`, with the options that are given in place of its own values."""
@@ -70,7 +70,7 @@ class Form(ABC):
     @property
     @abstractmethod
     def shows(self) -> str:
-        """What it shows, and of how many trials, as captions say it."""
+        """Description for captions: its statistic, and the numbers of trials."""
 
     @property
     @abstractmethod
@@ -79,12 +79,12 @@ class Form(ABC):
 
     @property
     def notes(self) -> Sequence[str]:
-        """What it does not show, and why."""
+        """Sentences on parts that it does not show, and why."""
         return []
 
     @property
     def caption(self) -> str:
-        """What was run, and what is shown of it and what is not, line by line."""
+        """Caption: what was run, what is shown of it and what is not, line by line."""
         notes = [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
         return "\n".join(filter(None, [self.ran, f"{self.shows}.", *notes]))
 

@@ -98,7 +98,7 @@ class PredictedCurves(Curves):
 
     @property
     def notes(self) -> Sequence[str]:
-        """What curves do not show, and what predictions leave out."""
+        """Sentences on parts that curves do not show, and that predictions leave out."""
         if not self.predicted:
             return [*super().notes, f"no prediction: {self.reason}"]
         left_out = dict.fromkeys(note.removesuffix(".") for each in self.predicted for note in each.at_any.notes)
