@@ -12,18 +12,16 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
 from epuck_sim.cli.errors import print_stderr
-from epuck_sim.cli.tables import describe_at_limit
 from epuck_sim.display.html import in_words
-from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
-from epuck_sim.scenario.loader import Point
-from epuck_sim.scenario.scenario import StopSection
-from epuck_sim.sweep.worker import AtWork, never_returned
-from epuck_sim.trial.result import WINDOW, HopelessnessWatch, TrialState
 from epuck_sim.util.messages import counted
 
-if TYPE_CHECKING:  # films are a neighbour, and single trials need no pools
+if TYPE_CHECKING:  # films need no trials, single trials no pools
     from epuck_sim.overhead.camera import ProgressWrapper
+    from epuck_sim.scenario.loader import Point
+    from epuck_sim.scenario.scenario import StopSection
     from epuck_sim.sweep.run import SweepProgress
+    from epuck_sim.sweep.worker import AtWork
+    from epuck_sim.trial.result import TrialState
 
 REFRESH_S = 0.2  # seconds between two updates on a terminal
 LINE_S = 10.0  # seconds between two lines in a log
@@ -66,7 +64,7 @@ class _ProgressLine:
 class TrialProgress(_ProgressLine):
     """Shows how far trials are that run one after the other."""
 
-    def __init__(self, trials: int, stop: StopSection, *, interpret: bool = False) -> None:
+    def __init__(self, trials: int, stop: "StopSection", *, interpret: bool = False) -> None:
         # interpreted controllers may stop at breakpoints: a spinner would write over the debugger's prompt
         super().__init__(SpinnerColumn(), TextColumn("{task.description}"), is_redrawn=not interpret)
         self._trials = trials
@@ -95,6 +93,8 @@ class TrialProgress(_ProgressLine):
 
     def _tell_of_what_never_returns(self) -> None:
         """Say it, once a trial, when a robot's controller or sensor is found at the same step again."""
+        from epuck_sim.sweep.worker import never_returned
+
         told, last = -1, None
         while not self._is_over.wait(AT_WORK_S):
             now = self._at_work() if self._at_work else None
@@ -112,8 +112,10 @@ class TrialProgress(_ProgressLine):
         self._is_over.set()
         super().__exit__(*error)
 
-    def begin(self, trial: int, at_work: AtWork | None) -> None:
+    def begin(self, trial: int, at_work: "AtWork | None") -> None:
         """Say that trial number `trial` begins, and whose code is running in it, if that is watched."""
+        from epuck_sim.trial.result import HopelessnessWatch
+
         self._is_ready.set()
         self._at_work = at_work
         self._watch = HopelessnessWatch(self._stop.metric, self._tell_of_hopelessness)
@@ -121,7 +123,7 @@ class TrialProgress(_ProgressLine):
         self._began = time.perf_counter()
         self._next = self._began + self._pause_s
 
-    def __call__(self, state: TrialState) -> None:
+    def __call__(self, state: "TrialState") -> None:
         """Show how far the trial is, if it is time to; say once if it looks hopeless."""
         if self._stop.order_parameter is not None and self._stop.max_cycles > FEWER_CYCLES:
             self._is_alone = state.oscillators == 1
@@ -140,6 +142,8 @@ class TrialProgress(_ProgressLine):
     def _tell_of_hopelessness(self, order: float) -> None:
         said = "ends at its limit: one oscillator has none to synchronise with"
         if not self._is_alone:
+            from epuck_sim.trial.result import WINDOW
+
             found = f"over {WINDOW} cycles the order parameter, {order:.2f}, is that of random phases or stands still"
             said = f"looks hopeless: {found}"
         print_stderr(f"trial {self._trial + 1} of {self._trials} {said}; sooner: --set stop.max_cycles={FEWER_CYCLES}")
@@ -172,8 +176,11 @@ class SweepProgressBar(_ProgressLine):
         self._next = now + self._pause_s
         self.show(self._words(progress, now), done, progress.trials)
 
-    def _note(self, point: Point, *, is_censored: bool) -> None:
+    def _note(self, point: "Point", *, is_censored: bool) -> None:
         """Take note of a trial of a point, and say so if enough of them, and no other one, have reached their limit."""
+        from epuck_sim.cli.tables import describe_at_limit
+        from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
+
         count = self._at_limit.get(point.number, 0) + (1 if is_censored else -math.inf)
         self._at_limit[point.number] = count
         if count == min(FEW_TRIALS, point.scenario.trials):

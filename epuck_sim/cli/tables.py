@@ -14,8 +14,6 @@ import numpy as np
 from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Share, Table, plain
 from epuck_sim.estimate import Estimate, significant
-from epuck_sim.scenario.loader import describe_axes
-from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import format_versions, versions
 
@@ -24,6 +22,7 @@ if TYPE_CHECKING:  # or a trial would wait for OpenCV and scipy
     from epuck_sim.overhead.robots import Robots
     from epuck_sim.overhead.track import Track
     from epuck_sim.runs.reader import PointAtLimit, Status
+    from epuck_sim.trial.result import TrialResult
 
 
 def show(tables: Sequence[Table], found: Any, *, as_json: bool, as_csv: bool = False) -> None:
@@ -52,7 +51,7 @@ def folded(line: str) -> str:
     return line if width is None else "\n    ".join(textwrap.wrap(line, width - 4, break_long_words=False))
 
 
-def print_trials(results: Sequence[TrialResult], max_cycles: int) -> None:
+def print_trials(results: "Sequence[TrialResult]", max_cycles: int) -> None:
     """Print a table of trials of one scenario on stdout, and of several a line of statistics."""
     if not results:
         return
@@ -70,7 +69,7 @@ def print_trials(results: Sequence[TrialResult], max_cycles: int) -> None:
         print(folded(_summary(results, max_cycles)))
 
 
-def _cells_of_trial(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
+def _cells_of_trial(result: "TrialResult", *, has_order: bool) -> dict[str, Any]:
     """Return the cells that apply to a trial of its scenario: without oscillators there is no T_sync."""
     cells: dict[str, Any] = {}
     if result.censored is not None:
@@ -82,7 +81,7 @@ def _cells_of_trial(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
     return {**cells, **result.measures}
 
 
-def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
+def _summary(results: "Sequence[TrialResult]", max_cycles: int) -> str:
     from epuck_sim.statistics import Statistic
     from epuck_sim.statistics.statistic import Measured, estimate  # which takes scipy
 
@@ -130,6 +129,8 @@ def print_status(status: "Status", as_json: bool, looks: Table | None = None) ->
 
 def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:
     """Return a line for each of the first points whose trials all reach their limit; the last ends with what to do."""
+    from epuck_sim.scenario.loader import describe_axes
+
     lines = [
         f"{f'at {describe_axes(each.axes)}, ' if each.axes else ''}every trial so far ({each.trials}) reaches the limit"
         for each in points[:MOST_LISTED]
