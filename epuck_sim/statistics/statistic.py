@@ -18,20 +18,7 @@ from epuck_sim.errors import EpuckSimError, MeasureError, StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.measures.measure import Measure
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.survival import (
-    QUANTILE,
-    SurvivalCurves,
-    confidence_interval,
-    make_curve,
-    median_time,
-    medians,
-    resample_counts,
-    resampled_curves,
-    restricted_means,
-    weibull_mean,
-    weibull_resamples,
-)
+from epuck_sim.statistics import Statistic, survival
 from epuck_sim.util.messages import comma_list
 
 RESAMPLES = 1000  # number of resamples of each point
@@ -199,16 +186,16 @@ def resample(measured: Measured, statistic: Statistic) -> FloatArray:
     if statistic == Statistic.MEAN:
         return resample_means(measured, RESAMPLES)
     if statistic == Statistic.WEIBULL_MEAN:
-        return weibull_resamples(measured.values, measured.observed, RESAMPLES, measured.seed)
+        return survival.weibull_resamples(measured.values, measured.observed, RESAMPLES, measured.seed)
     shift = _shift(measured)
-    curves = resampled_curves(measured.values - shift, measured.observed, RESAMPLES, measured.seed)
-    return np.concatenate([medians(block) for block in curves]) + shift
+    curves = survival.resampled_curves(measured.values - shift, measured.observed, RESAMPLES, measured.seed)
+    return np.concatenate([survival.medians(block) for block in curves]) + shift
 
 
 def estimate_median(measured: Measured) -> Estimate:
     """Return the median with its interval; no interval below `MIN_TRIALS` trials, or where all have one value."""
     shift = _shift(measured)
-    median, low, high = (end + shift for end in median_time(measured.values - shift, measured.observed))
+    median, low, high = (end + shift for end in survival.median_time(measured.values - shift, measured.observed))
     if math.isinf(median) or measured.censored >= MOST_CENSORED:
         return UNDETERMINED
     return Estimate(median, low, high) if measured.supports_interval else Estimate(median)
@@ -221,14 +208,14 @@ def _shift(measured: Measured) -> float:
 
 def estimate_weibull_mean(measured: Measured, resampled: FloatArray | None = None) -> Estimate:
     """Return the mean by Appendix A with the percentile interval of resamples; none below `MIN_TRIALS` trials."""
-    mean = weibull_mean(measured.values, measured.observed)
+    mean = survival.weibull_mean(measured.values, measured.observed)
     if math.isnan(mean):
         return UNDETERMINED
     if not measured.supports_interval:
         return Estimate(mean)
     if resampled is None:
-        resampled = weibull_resamples(measured.values, measured.observed, seed=measured.seed)
-    return Estimate(mean, *confidence_interval(resampled))
+        resampled = survival.weibull_resamples(measured.values, measured.observed, seed=measured.seed)
+    return Estimate(mean, *survival.confidence_interval(resampled))
 
 
 class MeanError(NamedTuple):
@@ -276,11 +263,11 @@ def resample_means(measured: Measured, resamples: int) -> FloatArray:
     if measured.observed.all():
         # sorted, so that the order of the trials does not matter; many have the same whole number of cycles
         values, cells = np.unique(np.sort(measured.values), return_inverse=True)
-        counts = resample_counts(cells, len(values), resamples, measured.seed)
+        counts = survival.resample_counts(cells, len(values), resamples, measured.seed)
         drawn = np.concatenate([block @ values for block in counts]) / trials
     else:
-        curves = resampled_curves(measured.values, measured.observed, resamples, measured.seed)
-        drawn = np.concatenate([restricted_means(block, measured.horizon) for block in curves])
+        curves = survival.resampled_curves(measured.values, measured.observed, resamples, measured.seed)
+        drawn = np.concatenate([survival.restricted_means(block, measured.horizon) for block in curves])
     if (measured.values <= 0).any():
         return mean + widening * (drawn - mean)
     return mean * (drawn / mean) ** widening
@@ -297,16 +284,16 @@ def mean_and_error(measured: Measured) -> MeanError:
         if values.min() == values.max():  # whose mean would be off by rounding, and not without an error
             return MeanError(float(values[0]), 0.0, freedom)
         return MeanError(float(values.mean()), float(values.std(ddof=1)) / math.sqrt(trials), freedom)
-    curve = make_curve(values, measured.observed)
+    curve = survival.make_curve(values, measured.observed)
     error = math.sqrt(_variance(curve, measured.horizon) * trials / max(trials - 1, 1))
-    return MeanError(float(restricted_means(curve, measured.horizon)[0]), error, freedom)
+    return MeanError(float(survival.restricted_means(curve, measured.horizon)[0]), error, freedom)
 
 
-def _variance(curve: SurvivalCurves, horizon: float) -> float:
+def _variance(curve: survival.SurvivalCurves, horizon: float) -> float:
     """Return the variance of the restricted mean of one sample, by Greenwood's formula."""
-    at_risk, events, survival = curve.at_risk[0], curve.events[0], curve.survival[0]
+    at_risk, events = curve.at_risk[0], curve.events[0]
     edges = np.concatenate([[0.0], np.minimum(curve.times, horizon), [horizon]])
-    areas = survival * np.diff(edges)
+    areas = curve.survival[0] * np.diff(edges)
     after = areas[::-1].cumsum()[::-1][1:]  # 0 where the last trial at risk synchronises
     return float((after**2 * events / (at_risk * np.maximum(at_risk - events, 1))).sum())
 
@@ -326,7 +313,7 @@ def wilson_interval(share: float, trials: int) -> tuple[float, float]:
     >>> [round(end, 3) for end in wilson_interval(1.0, 10)]
     [0.722, 1.0]
     """
-    weight = QUANTILE**2 / trials
+    weight = survival.QUANTILE**2 / trials
     centre = (share + weight / 2) / (1 + weight)
     reach = math.sqrt(weight * (share * (1 - share) + weight / 4)) / (1 + weight)
     return max(0.0, min(centre - reach, share)), min(1.0, max(centre + reach, share))  # whatever is rounded
