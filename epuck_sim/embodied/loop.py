@@ -366,7 +366,8 @@ class History:
 
     def __init__(self, scenario: EmbodiedScenario, block: ByteArray, swarm: Swarm, loop: ControlLoop) -> None:
         """Make room for `MOST_STEPS` steps, and compile what takes them."""
-        self._scenario, self._block, self._swarm, self._loop = scenario, block, swarm, loop
+        self._scenario, self._block, self._loop = scenario, block, loop
+        self._present: BoolArray = swarm.robots.present
         robots = len(swarm.robots)
         self._arrays: tuple[Any, ...] = (
             *(np.zeros((MOST_STEPS, robots, columns)) for columns in (3, 2)),
@@ -387,11 +388,11 @@ class History:
         if self._scene is None or self._scene[0] is not arena:
             self._scene = arena, make_scene(self._scenario.robots, self._scenario.group_kinds, arena)
         scene = self._scene[1]
-        circles = scene.swarm.circles
-        circles["x"], circles["y"], circles["radius"] = arena.circles.T  # movables move
-        present: BoolArray = self._swarm.robots.present
+        if arena.first_movable < len(arena.circles):
+            circles = scene.swarm.circles
+            circles["x"], circles["y"], circles["radius"] = arena.circles.T
         poses, wheels, ring_on, ring_before = (each[:steps] for each in self._arrays)
-        return Stretch(first, poses, wheels, ring_on, ring_before, present, scene)
+        return Stretch(first, poses, wheels, ring_on, ring_before, self._present, scene)
 
 
 # --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------
