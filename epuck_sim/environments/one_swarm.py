@@ -211,16 +211,22 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
 
 
 def robot_vector_env(
-    num_envs: int = 1, scenario: ScenarioLike = ONE_OF_TEN, max_episode_steps: int | None = None, **settings: Any
+    num_envs: int = 1,
+    scenario: ScenarioLike = ONE_OF_TEN,
+    max_episode_steps: int | None = None,
+    render_mode: str | None = None,
+    **settings: Any,
 ) -> SwarmVectorEnv:
     """Return a `vector_env` of swarms each with one robot driven from outside, as `gymnasium.make_vec` asks for it.
 
     Raises:
         ScenarioError: Not one robot of a swarm is driven from outside, but none, or several.
-        ValueError: The length of episodes is given in steps.
+        ValueError: The length of episodes is given in steps, or pictures are asked for.
     """
     if max_episode_steps is not None:
         raise ValueError(f"max_episode_steps is {max_episode_steps}; allowed: episode_s, in simulated seconds")
+    if render_mode is not None:
+        raise ValueError(f"render_mode is {render_mode!r}; allowed: None, as single environments alone draw pictures")
     env = vector_env(scenario, num_envs, **settings)
     _check_only_agent(env.agents)
     return env

@@ -135,12 +135,12 @@ class AgentSpaces:
         shape = self.action.shape or ()
         if given.shape[2:] != shape:
             raise ValueError(f"an agent's action has the shape {given.shape[2:]}; allowed: {shape}")
+        numbers = given if given.dtype.kind in "biuf" else np.full(given.shape, np.nan)
+        is_allowed, allowed = np.isfinite(numbers), "finite numbers"
         if self._discrete:
             count = int(self.action.n)  # type: ignore[attr-defined]
-            is_allowed = (given >= 0) & (given < count) & (given.dtype.kind in "iu")
+            is_allowed = (numbers >= 0) & (numbers < count) & (numbers.dtype.kind in "iu")
             allowed = f"whole numbers from 0 to {count - 1}"
-        else:
-            is_allowed, allowed = np.isfinite(given), "finite numbers"
         if not is_allowed.all():
             raise ValueError(f"an agent's action has {given[~is_allowed][0]}; allowed: {allowed}")
         if self._discrete:

@@ -231,6 +231,7 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost():
     for action, message in (
         (dict.fromkeys(AGENTS, np.zeros(2)), r"an agent's action has the shape \(2,\); allowed: \(3,\)"),
         (dict.fromkeys(AGENTS, np.full(3, np.nan)), "an agent's action has nan; allowed: finite"),
+        (dict.fromkeys(AGENTS, ["left"] * 3), "an agent's action has left; allowed: finite"),
         ({"robot_0": np.zeros(3)}, "missing or unknown: .'robot_1', 'robot_2'"),
     ):
         env = parallel_env(SWARM, seed=4)

@@ -250,3 +250,5 @@ def test_swarms_without_exactly_one_driven_robot_are_refused(make):
             make(scenario)
     with pytest.raises(ValueError, match="max_episode_steps is 9; allowed: episode_s, in simulated seconds"):
         gymnasium.make_vec(ROBOT_ENV, 2, max_episode_steps=9)
+    with pytest.raises(ValueError, match="render_mode is 'human'; allowed: None, as single environments"):
+        gymnasium.make_vec(ROBOT_ENV, 2, render_mode="human")
