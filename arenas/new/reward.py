@@ -1,4 +1,4 @@
-"""A reward for learning; use it in Python: vector_env("thesis", 8, reward="NAME.py")
+"""A reward for learning: `from epuck_sim.environments import vector_env; vector_env("thesis", 8, reward="NAME.py")`.
 
 It runs as it stands: how many of the rings are lit. Change what you need.
 """

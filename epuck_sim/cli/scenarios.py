@@ -147,12 +147,14 @@ NEW = {
 }
 """The kinds of files that `new` writes."""
 
+IN_PYTHON = 'in Python: from epuck_sim.environments import vector_env; vector_env("thesis", 8, reward="FILE")'
+
 
 def _command_for(kind: str) -> Callable[[str], None]:
     def new(name: Annotated[str, argument("NAME", "Its name, and that of its file.")]) -> None:
         _write_new(kind, name)
 
-    new.__doc__ = f"Write a file with a commented {kind} that runs as it stands."
+    new.__doc__ = f"Write a file with {'' if kind == 'claims' else 'a '}commented {kind} that runs as it stands."
     return new
 
 
@@ -161,7 +163,7 @@ for kind_of_file in NEW:
 
 
 def _write_new(kind: str, name: str) -> None:
-    new = NEW[kind]
+    new, one = NEW[kind], kind if kind == "claims" else f"a {kind}"
     if kind == "scenario":
         is_name, letters = re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name) is not None, "letters, digits, _ and -"
     else:  # which Python imports, or which stands beside what it does
@@ -170,10 +172,10 @@ def _write_new(kind: str, name: str) -> None:
     file = f"{name}{new.ending}"
     from epuck_sim.control.interface import Sensors
 
-    may_clash = is_name and kind != "scenario"
+    may_clash = is_name and new.ending == ".py"
     is_module = may_clash and (name in sys.stdlib_module_names or find_spec(name) is not None)
     reject_first(
-        (not is_name, f"{name!r} is no name for a {kind}; allowed: {letters}, such as {new.example}"),
+        (not is_name, f"{name!r} is no name for {one}; allowed: {letters}, such as {new.example}"),
         (kind == "sensor" and name in Sensors._fields, f"{name!r} is sensed by all robots; give another name"),
         (Path(file).exists(), f"{file}: exists already; give another name"),
         (is_module, f"{name} is the name of a module that Python has already; give another name"),
@@ -181,5 +183,5 @@ def _write_new(kind: str, name: str) -> None:
     template = (builtin_folder(TEMPLATES) / f"{kind}{new.ending}").read_text(encoding="utf-8")
     with atomic_write(Path(file)) as part:
         part.write_text(template.replace("NAME", name), encoding="utf-8")
-    command = f"epuck-sim {new.command}" if new.command else 'vector_env("thesis", 8, reward="FILE") in Python'
+    command = f"epuck-sim {new.command}" if new.command else IN_PYTHON
     typer.echo(f"{file}: try it: {command.replace('NAME', name).replace('FILE', file)}")

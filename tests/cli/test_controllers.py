@@ -107,7 +107,7 @@ def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path):
     assert swarm.robot.radius_cm == 3
     assert called("new", "curve", "bent").endswith("try it: epuck-sim run particles --set response.curve=bent.py\n")
     assert "parameters: {bend: 2.0}" in called("check", "particles", "--set", "response.curve=bent.py")
-    assert 'vector_env("thesis", 8, reward="lit.py") in Python' in called("new", "reward", "lit")
+    assert 'vector_env("thesis", 8, reward="lit.py")' in called("new", "reward", "lit")
     rings = SimpleNamespace(ring_on=np.array([[True, False], [True, True]]))
     assert find_reward("lit.py")(rings).tolist() == [0.5, 1]
     assert "epuck-sim replicate --claims mine.yaml --out mine" in called("new", "claims", "mine")
