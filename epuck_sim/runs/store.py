@@ -81,7 +81,9 @@ class Store:
                     was = read_share(connection)
                 if share not in (None, was):
                     what = "the whole sweep" if was == WHOLE else f"share {was}"
-                    raise StoreError(f"{folder}: is for {what}, --share is {share}; give another folder")
+                    whole = "not for the whole sweep, as --until and --share 1/1 are; merge shares, or"
+                    asked = whole if share == WHOLE else f"--share is {share};"
+                    raise StoreError(f"{folder}: is for {what}, {asked} give another folder")
                 share = was
             self.share = share or WHOLE
             rows = [row._replace(share=None if self.share == WHOLE else str(self.share)) for row in rows]

@@ -5,10 +5,9 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from epuck_sim.display.table import Row, Share, Table
-from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.runs.reader import FinishedTrials
-from epuck_sim.runs.share import WHOLE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.axes import group_rows
 from epuck_sim.scenario.keys import axis_key
@@ -89,8 +88,6 @@ class Looks:
 
     def begin(self, store: Store, points: Sequence[Point], finished: FinishedTrials) -> list[int]:
         """Look at what is stored, and return the number of trials that each point is for so far."""
-        if store.share != WHOLE:
-            raise StoreError(f"the folder is for share {store.share}; --until looks at all trials of a point: merge")
         self._store, self._points, self._finished = store, points, finished
         self.narrow = 0
         groups = self._members = self._groups(points)

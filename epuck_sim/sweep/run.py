@@ -7,8 +7,9 @@ from itertools import repeat, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import FinishedTrials
-from epuck_sim.runs.share import Share
+from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Outcome, Store
 from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
@@ -73,6 +74,9 @@ def run_sweep(
     step_limit_s()  # which workers cannot refuse as well
     if until is not None:
         until.check(all_points)
+        if share not in (None, WHOLE):
+            raise EpuckSimError(f"share is {share}; until looks at all trials of a point")
+        share = WHOLE
     begin(all_points)
     with Store(Path(folder), loaded, all_points, share) as store:
         finished = store.finished()

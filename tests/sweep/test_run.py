@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from epuck_sim.errors import StoreError
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import FinishedTrials, read_points, read_status
 from epuck_sim.runs.share import Share
 from epuck_sim.scenario.loader import load_scenario, points
@@ -300,8 +300,6 @@ def test_the_command_says_how_narrow_intervals_are(all_trials) -> None:
 
 
 def test_a_share_has_too_few_trials_for_a_look(tmp_path) -> None:
-    scenario = load_scenario(short_sweep(tmp_path, 20))
-    with pytest.raises(Stopped):
-        run_sweep(scenario, tmp_path / "run", pool_here, stopper(0), share=Share(1, 20))
-    with pytest.raises(StoreError, match="share 1/20; --until looks at all trials of a point"):
-        run_sweep(scenario, tmp_path / "run", pool_here, until=Looks("10%"))
+    with pytest.raises(EpuckSimError, match="share is 1/20; until looks at all trials of a point"):
+        run_sweep(short_sweep(tmp_path, 20), tmp_path / "run", pool_here, share=Share(1, 20), until=Looks("10%"))
+    assert not (tmp_path / "run").exists()
