@@ -18,6 +18,7 @@ from epuck_sim.errors import EpuckSimError, MeasureError, StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.measures.measure import Measure
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.loader import describe_axes
 from epuck_sim.statistics import Statistic, survival
 from epuck_sim.util.messages import comma_list
 
@@ -112,9 +113,10 @@ def measure_t_sync(point: PointTrials) -> Measured:
     """Return T_sync, in cycles, of a point's trials; raise StoreError if they have none."""
     if not point.has_t_sync:
         names = comma_list([section.name for section in point.scenario.measures])
+        where = f"point {point.number} ({describe_axes(point.axes)}): " if point.axes else ""
         raise StoreError(
-            "trials have no T_sync: their reference is no oscillator, or stop.order_parameter is null; what was "
-            f"measured: {names} (--of NAME, or read_points(folder, of=NAME))"
+            f"{where}trials have no T_sync: their reference is no oscillator, or stop.order_parameter is null; what "
+            f"was measured: {names} (--of NAME, or read_points(folder, of=NAME))"
         )
     limit = float(point.scenario.stop.max_cycles)
     return Measured(point.times, point.observed, limit, point.seed, unit="cycles")
