@@ -85,7 +85,13 @@ def read_form(
     if not given_results:
         raise EpuckSimError("there is nothing to draw: no run folder and no point is given")
     folders = [each for each in given_results if isinstance(each, Path | str)]
-    points = [each for each in given_results if isinstance(each, PointTrials)] or _read_folders(folders, of, names)
+    points = [each for each in given_results if isinstance(each, PointTrials)]
+    if len(given_results) not in (len(folders), len(points)):
+        kinds = comma_list([*dict.fromkeys(type(each).__name__ for each in given_results)])
+        raise EpuckSimError(f"results are a list of {kinds}; allowed: run folders, or points of one")
+    if points and (names or of not in (None, points[0].of)):
+        raise EpuckSimError("names and of are for run folders; of points, it is read_points(folder, of=NAME)")
+    points = points or _read_folders(folders, of, names)
     folder = str(folders[0]) if folders else "the scenario"
     given = _with_full_keys({name: value for name, value in options.items() if value is not None}, points, prefix)
     scenario = points[0].scenario

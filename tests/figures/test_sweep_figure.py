@@ -154,6 +154,9 @@ def test_what_does_not_fit_is_refused_in_words() -> None:
     for draw, message in [
         (lambda: figures.plot(POINTS, form="violins", ax=Figure().subplots()), "has 2 panels, but ax is 1 Axes"),
         (lambda: figures.plot(each for each in POINTS if each.number > 99), "no run folder and no point is given"),
+        (lambda: figures.plot([POINTS[0], "folder"]), "a list of PointTrials, str; allowed: run folders, or points"),
+        (lambda: figures.plot([3]), "results are a list of int; allowed: run folders"),
+        (lambda: figures.plot(POINTS, of="way"), "names and of are for run folders"),
         (lambda: figures.plot(POINTS, form="pie"), "figure.form: is 'pie'; allowed: 'curves', 'map'"),
         (lambda: figures.plot(POINTS, width=3), "figure.width: unknown 'width', did you mean 'width_cm'"),
         (lambda: figures.plot(SIGNED, scale="log"), "--log: mine has values that are not positive, such as -1"),
