@@ -30,9 +30,11 @@ class _Twin(Series):
         super().__post_init__()
         scenario, seed = self.simulation.scenario, self.simulation.seed
         self._twin = make_twin(scenario, seed, self.displacement)
-        self._trial, self._wait_s = self.simulation, 0.0
-        if self.displacement:  # at a firing, a twin that is hardly behind has not fired yet
-            self._trial, self._wait_s = make_endless(scenario, seed), scenario.clocks.period_s / 2
+        # at a firing, a twin that is hardly behind has not fired yet
+        self._wait_s = scenario.clocks.period_s / 2 if self.displacement else 0.0
+        # what a schedule changes at the very time of a firing, the twin has had then, and a copy of the trial, too
+        is_copied = self.displacement or scenario.schedule
+        self._trial = make_endless(scenario, seed) if is_copied else self.simulation
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
@@ -47,7 +49,7 @@ class _Twin(Series):
     def cycle(self, event: Any, _: Any) -> None:
         from epuck_sim.particles.twin import deviations
 
-        for simulation in (self._trial, self._twin) if self._wait_s else (self._twin,):
+        for simulation in {self._trial, self._twin} - {self.simulation}:
             simulation.run_to(event.time_s + self._wait_s)
         self._series.append(float(deviations(self._trial.phases(), self._twin.phases()).max()))
 

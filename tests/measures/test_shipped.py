@@ -294,6 +294,10 @@ def test_the_perturbation_is_the_distance_from_the_twin():
     # a firing of one trial that the other has not had yet is no deviation, or any would be one of coupling x phase
     assert max(run({"perturbation": {"displacement": 1e-9}}, **AGENTS)[1]) < 1e-6
     assert max(series) > 0
+    # what a schedule changes at the very time of a firing comes after it, in both
+    push = {"at_s": 3, "displace": {"by_cycles": 0.25}}
+    apart = {**DISTURBED, "response": {"coupling": 0}, "stop": {"order_parameter": None, "reference": 1}}
+    assert max(run("perturbation", schedule=[push], **apart)[1]) == pytest.approx(1e-3)
     assert growth == [None, *growth_rates(series)]
     assert exponent == mean_with_interval([rate for rate in growth_rates(series) if rate is not None])
 
