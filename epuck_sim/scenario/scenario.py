@@ -267,7 +267,8 @@ class Scenario(ConfigModel):
             for number, each in enumerate(getattr(self, key, ())):
                 for name, moment in (("max_time_s", each.at_s), ("max_cycles", getattr(each, "at_cycle", None))):
                     end = getattr(self.stop, name)
-                    if None not in (moment, end) and moment >= end:
+                    is_last = moment == end and name == "max_time_s" and not self.controllers  # agents still change
+                    if None not in (moment, end) and moment >= end and not is_last:
                         found.append(f"{key}.{number} never begins: trials are over then, as stop.{name} is {end:g}")
         return found
 
