@@ -14,7 +14,7 @@ class OrderParameter(Series):
     """Order parameter at each firing of the reference: `stop.metric`, eq. 4.2, 5.7 or 3.4 (series)."""
 
     def cycle(self, _: Any, state: Any) -> None:
-        """Take note of the order parameter, which the trial has measured; None of robots without oscillators."""
+        """Take note of the order parameter, which the trial has measured; None where the reference is no oscillator."""
         self._series.append(state.order_parameter)
 
 

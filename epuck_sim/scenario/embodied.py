@@ -17,7 +17,7 @@ from epuck_sim.scenario.changes import AnyFault, RobotScheduleEntry, SensorDead,
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import RobotKind, check_readings, sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group, resolve_parameters
-from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.scenario import ORDER_PARAMETER, Scenario, StopSection
 from epuck_sim.util.messages import comma_list
 
 
@@ -275,6 +275,12 @@ class EmbodiedScenario(Scenario):
                 f"robot {stop.reference_robot} is no oscillator, so that trials have no T_sync; they end after {ends}; "
                 "for another limit: --set stop.max_time_s=3600"
             )
+        awaited = {} if self._may_have_t_sync() else self.conditions
+        found += [
+            f"{key} never holds: robot {stop.reference_robot} is no oscillator, at whose firings order is measured"
+            for key, (condition, _) in awaited.items()
+            if condition.measure == ORDER_PARAMETER
+        ]
         for number, group in enumerate(() if self.sweep else self.robots):
             least, most = group.parameters.get("flash_pixels", 0), group.camera.central_pixels or group.pixels
             if least > most:

@@ -91,13 +91,14 @@ def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_
 def test_what_never_happens_in_a_trial_is_noted() -> None:
     late = [{"kind": "ring_dead", "at_s": 9}]
     add, remove = {"at_s": 5, "add": [1]}, {"at_s": 2, "remove": [1]}
-    two = {"count": 3, "parameters": {"flash_pixels": 2}}
+    two, mute = {"count": 3, "parameters": {"flash_pixels": 2}}, {"controller": "obstacle_avoidance"}
     for given, said in (
         ({"faults": late, "stop": {"max_time_s": 9}}, "faults.0 never begins: trials are over then"),
         ({"schedule": [{"at_cycle": 5, "remove": [1]}], "stop": {"max_cycles": 5}}, "schedule.0 never begins: "),
         ({"schedule": [add]}, "schedule.0.add: 1 are in the arena all the time"),
         ({"faults": [{"kind": "ring_dead", "scheduled": True}]}, "faults.0 never begins: no entry"),
         ({"robots": [two | {"signal": {"kind": "radio"}}]}, "robots.0.parameters.flash_pixels is 2, and radio shows 1"),
+        ({"robots": [mute, {}], "stop": {"when": "order_parameter >= 0.9"}}, "stop.when never holds: robot 0 is no"),
         ({"robots": [two | {"camera": {"pixels": 1}}]}, "robots.0.parameters.flash_pixels is 2, and camera shows 1"),
     ):
         (note,) = load_scenario(given).notes
