@@ -30,11 +30,9 @@ class _Twin(Series):
         super().__post_init__()
         scenario, seed = self.simulation.scenario, self.simulation.seed
         self._twin = make_twin(scenario, seed, self.displacement)
-        # at a firing, a twin that is hardly behind has not fired yet
-        self._wait_s = scenario.clocks.period_s / 2 if self.displacement else 0.0
+        self._wait_s = scenario.clocks.period_s / 2 if self.displacement else 0.0  # a twin hardly behind fires later
         # what a schedule changes at the very time of a firing, the twin has had then, and a copy of the trial, too
-        is_copied = self.displacement or scenario.schedule
-        self._trial = make_endless(scenario, seed) if is_copied else self.simulation
+        self._trial = make_endless(scenario, seed) if self._wait_s or scenario.schedule else self.simulation
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:

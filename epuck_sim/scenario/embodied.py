@@ -263,24 +263,17 @@ class EmbodiedScenario(Scenario):
     @property
     def notes(self) -> list[str]:
         """Notes of `Scenario.notes`, and those on trials without T_sync and on changes that never happen."""
-        stop, found = self.stop, super().notes
+        stop, found, limit_s = self.stop, super().notes, self.stop.max_time_s
         is_limited = stop.order_parameter is None or "max_time_s" in stop.model_fields_set
         if not is_limited and not self._may_have_t_sync():
-            ends = (
-                f"{stop.max_cycles} cycles of 5 s"
-                if stop.max_time_s is None
-                else f"{stop.max_time_s:g} simulated seconds"
-            )
+            ends = f"{stop.max_cycles} cycles of 5 s" if limit_s is None else f"{limit_s:g} simulated seconds"
             found.append(
                 f"robot {stop.reference_robot} is no oscillator, so that trials have no T_sync; they end after {ends}; "
                 "for another limit: --set stop.max_time_s=3600"
             )
         awaited = {} if self._may_have_t_sync() else self.conditions
-        found += [
-            f"{key} never holds: robot {stop.reference_robot} is no oscillator, at whose firings order is measured"
-            for key, (condition, _) in awaited.items()
-            if condition.measure == ORDER_PARAMETER
-        ]
+        never = f"never holds: robot {stop.reference_robot} is no oscillator, at whose firings order is measured"
+        found += [f"{key} {never}" for key, (each, _) in awaited.items() if each.measure == ORDER_PARAMETER]
         for number, group in enumerate(() if self.sweep else self.robots):
             least, most = group.parameters.get("flash_pixels", 0), group.camera.central_pixels or group.pixels
             if least > most:

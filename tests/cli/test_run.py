@@ -105,10 +105,9 @@ def test_what_never_happens_in_a_trial_is_noted() -> None:
         assert note.startswith(said)
     for given in ({"faults": late, "stop": {"max_time_s": 9.5}}, {"schedule": [add, remove]}, {"robots": [two]}):
         assert load_scenario(given).notes == []
-    push = {"at_s": 9, "displace": {"by_cycles": 0.5}}
-    at_the_end = load_scenario({"model": "particles", "schedule": [push], "stop": {"max_time_s": 9}})
-    assert at_the_end.notes == []
-    assert [event.time_s for event in run_trial(ParticleSimulation(at_the_end)).events] == [9]
+    ends = {"model": "particles", "schedule": [{"at_s": 9, "displace": {"by_cycles": 1}}], "stop": {"max_time_s": 9}}
+    assert load_scenario(ends).notes == []
+    assert [event.time_s for event in run_trial(ParticleSimulation(ends)).events] == [9]
 
 
 SWEEP = ("particles", "--sweep", "agents.speed_cm_s=1,2,3", "--set", "trials=400", "--set", "stop.max_cycles=3")
