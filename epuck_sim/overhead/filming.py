@@ -176,6 +176,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
     radius_px = round(scale * population.radii_cm[0])
     buffer = AgentBuffer(scenario, seed, Level.POSES, AGENTS_FRAMES_PER_S * scenario.clocks.period_s)
     captions, frames = Captions(0.0), 0
+    last: ParticleSimulation | None = None
 
     def draw(poses: FloatArray, is_lit: BoolArray) -> Picture:
         picture = floor.copy()
@@ -189,10 +190,8 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
 
     with film_file(path, AGENTS_PX, height_px, _origin(scenario, seed), scenario.name) as writer:
 
-        def observe(event: Event, state: ParticleSimulation) -> None:
+        def write() -> None:
             nonlocal frames
-            captions.add(event.time_s, state.cycles, state.order_parameter)
-            buffer.append(event, state)
             if not buffer.row_count:
                 return
             rows = buffer.flush()
@@ -201,7 +200,17 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
                     writer.write(captions.write(Frame(frames / AGENTS_FRAMES_PER_S, draw(poses, is_lit))))
                     frames += 1
 
+        def observe(event: Event, state: ParticleSimulation) -> None:
+            nonlocal last
+            last = state
+            captions.add(event.time_s, state.cycles, state.order_parameter)
+            buffer.append(event, state)
+            write()
+
         yield observe
+        if last is not None:
+            buffer.end(last.time_s)
+            write()
 
 
 def _origin(scenario: Scenario, seed: int) -> dict[str, Any]:

@@ -130,6 +130,8 @@ class Recorder:
         cycles, synchronised = 0, False
         if self._state is not None:
             cycles, synchronised = self._state.outcome.cycles, self._state.is_synchronised
+            if isinstance(self._buffer, AgentBuffer):
+                self._buffer.end(self._state.time_s)
         self.flush()
         final = (layers.final_chunks() for layers in self._layers if isinstance(layers, RobotLayers))
         self._write(*final, [Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])

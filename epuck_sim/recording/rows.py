@@ -253,6 +253,10 @@ class AgentBuffer:
             moved = (elapsed_s * self._speeds_cm_s)[..., None] * self._headings
             self._add_rows(time_ns, self._positions + moved, self._phases + elapsed_s / self._periods_s)
 
+    def end(self, time_s: float) -> None:
+        """Add the regular rows up to a trial's end, which may be a time at which nothing happens."""
+        self.catch_up(time_s + 1e-9)
+
     def _regular_ns(self, number: int) -> int:
         return round(number * self._period_s * 1e9 / self._rows_per_period)
 

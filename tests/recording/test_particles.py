@@ -14,12 +14,14 @@ from epuck_sim import EpuckSimError, ParticleScenario, load_scenario, read_recor
 from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.order_parameter import METRICS
+from epuck_sim.overhead.filming import film_trial
 from epuck_sim.particles.simulation import SHIFTS_ONLY, Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
 from epuck_sim.recording.layers import UNLABELLED
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import simulate
+from tests.cli.films import frames_and_description
 from tests.particles.naive_model import receivers_of
 from tests.recording.recordings import Found, recorded
 
@@ -138,6 +140,14 @@ def test_a_recorded_trial_is_the_same_trial_with_a_row_at_each_instant_and_20_in
     frames = {round(number * frame_ns) for number in range(int(last.time_ns / frame_ns) + 2)}
     expected = {time for time in frames if time < last.time_ns} | {each.time_ns for each in trial.instants}
     assert trial.time_ns.tolist() == sorted(expected)
+
+
+def test_a_trial_that_ends_at_a_time_is_recorded_and_filmed_to_it(tmp_path) -> None:
+    scenario = load("in step", stop={"order_parameter": None, "max_time_s": 14})  # agents fire at 10 s, and at 15 s
+    with film_trial(tmp_path / "t.mp4", scenario, 4) as film:
+        recorded(tmp_path / "t.rrd", scenario, 4, Level.FULL, film)
+    assert read_recording(tmp_path / "t.rrd").time_s[-1] == 14
+    assert len(frames_and_description(tmp_path / "t.mp4")[0]) == 1 + 25 * 14
 
 
 def test_flashes_are_at_the_instants_to_the_nanosecond_and_the_order_is_the_one_that_decides(trial) -> None:
