@@ -19,7 +19,7 @@ import pytest
 from epuck_sim.cli import app as command
 from epuck_sim.cli import terminal
 from epuck_sim.cli.terminal import pressed_keys
-from epuck_sim.runs.folder import DATABASE
+from epuck_sim.runs.folder import STORED
 from epuck_sim.runs.reader import read_status
 from tests.cli.commands import called
 from tests.control.bench import with_step
@@ -281,7 +281,7 @@ def test_a_job_whose_time_is_nearly_up_is_queued_again_and_goes_on_to_the_end_of
     assert (tmp_path / "requeued").read_text() == "requeue 77_2\n"
     kept = tmp_path / "runs/shares/2"
     assert 0 < stored(kept) < 160
-    (local / DATABASE).unlink()  # the next job may have another node
+    (local / STORED).write_text("999")  # of a later job that was killed on this node, whose log is beside the database
     assert queue(tmp_path, scenario, 2, 3).wait(300) == 0
     status = read_status(kept)
     assert (status.share, status.stored, status.trials) == ("2/3", 160, 160)
