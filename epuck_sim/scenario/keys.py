@@ -106,6 +106,14 @@ def _parameter_of_measure(given: Mapping[str, Any], key: str, folder: Path | Non
     return []
 
 
+def keys_of_measures(given: Mapping[str, Any], ending: str, folder: Path | None) -> list[str]:
+    """Return the keys that an ending stands for which names a measure, or its file, and a parameter, known or not."""
+    listed = given.get("measures")
+    numbers = range(len(listed)) if isinstance(listed, list | tuple) else ()
+    keys = [f"measures.{number}.{ending}" for number in numbers]
+    return [key for key in keys if _parameter_of_measure(given, key, folder)]
+
+
 def set_values(given: Mapping[str, Any], values: Mapping[str, Any], origin: str) -> dict[str, Any]:
     """Return the mapping `given` with values at dotted keys: that of a whole section before that of a key inside it."""
     for key in sorted(values, key=lambda key: key.count(".")):

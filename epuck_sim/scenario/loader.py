@@ -253,6 +253,7 @@ def _full_keys(
     at_points = _with_controllers(given, [*_swept(given), *axes])
     known = [key for each in at_points for key in kind.all_keys(with_robots(each, origin, folder), folder)]
     found = keys.full_keys(typed, [*dict.fromkeys(known)], where)
+    found = found or keys.full_keys(typed, keys.keys_of_measures(given, typed, folder), where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
     if found:

@@ -92,6 +92,7 @@ def test_keys_inside_what_is_a_word_left_out_or_a_path_can_be_set_and_swept(tmp_
         ({"measures": listed}, "measures.1.seen.cells", 2, lambda s: s.measures[1].parameters["cells"]),
         ({"measures": listed}, "offset", 3, lambda s: s.measures[0].parameters["offset"]),
         ({"measures": [f"{tmp_path}/other.py"]}, "mine.offset", 3, lambda s: s.measures[0].parameters["offset"]),
+        ({"measures": [f"{tmp_path}/other.py"]}, "other.offset", 3, lambda s: s.measures[0].parameters["offset"]),
         ({"schedule": later}, f"schedule.0.set.{coupling}", 0.3, lambda s: s.schedule[0].set[coupling]),
         ({"measures": ["coverage"]}, "coverage.cells", 2, lambda s: s.measures[0].parameters["cells"]),
     ]:
