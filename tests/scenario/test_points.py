@@ -82,6 +82,8 @@ def test_an_ending_in_several_groups_means_all_and_says_so_and_is_the_axis_of_th
     for point in sweep:
         first, second = (group.parameters for group in point.scenario.robots)
         assert (first["speed_cm_s"], first["coupling"]) == (second["speed_cm_s"], second["coupling"])
+    with pytest.warns(UserWarning, match="sensors stands for those of all 2 groups of robots"):
+        load_scenario(groups, ["sensors=[]"])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         load_scenario(groups, ["0.count=3"])
