@@ -228,11 +228,14 @@ def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any
     grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
     if not isinstance(grid, Mapping):
         raise ScenarioError(f"{option}: the scenario's own sweep is {short_repr(sweep)}; allowed: a mapping")
+    own = sweep.get("points") or [{}]
+    for name, tied in ("zip", sweep.get("zip")), ("points", own[0] if len(keys) == 1 and isinstance(own, list) else ()):
+        if isinstance(tied, Mapping) and (key := next((key for key in keys if key in tied), None)):
+            raise ScenarioError(f"{option}: {key} is in {name} of the scenario's own sweep; change it there")
     if len(keys) == 1:
         return {**given, "sweep": {**sweep, "grid": {**grid, keys[0]: values}}}
     with refused_at(option):
         together = [dict.fromkeys(keys, value) for value in with_ranges(keys[0], values)]
-    own = sweep.get("points") or [{}]
     if not (isinstance(own, list | tuple) and all(isinstance(row, Mapping) for row in own)):
         return dict(given)  # which is refused where it is validated
     others = [{key: value for key, value in row.items() if key not in keys} for row in own]
