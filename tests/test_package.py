@@ -117,7 +117,17 @@ def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
     assert read_recording(str(tmp_path / "t.rrd")).seed == 1
 
 
+def test_controllers_and_measures_of_a_scenario_may_be_paths(tmp_path) -> None:
+    (tmp_path / "mine.py").write_text("def mine(simulation):\n    return 1\n")
+    controller = ROOT / "controllers" / "firefly.py"
+    found = load_scenario("thesis", measures=[tmp_path / "mine.py"], controller=controller)
+    assert [measure.name for measure in found.measures] == ["mine"]
+
+
 def test_a_single_text_is_no_list_of_settings() -> None:
+    for given in (3, ("trials", 3)):
+        with pytest.raises(ScenarioError, match=r"^settings is .*; allowed: a list of such texts$"):
+            load_scenario("thesis", [given])
     for option in ("settings", "axes"):
         with pytest.raises(ScenarioError, match=f"^{option} is 'arena.width_cm=100'; allowed: a list of such texts$"):
             load_scenario("thesis", **{option: "arena.width_cm=100"})

@@ -40,7 +40,7 @@ HELP = (
 
 
 def write_page(
-    scenario: str | Path, path: Path | str, settings: Sequence[str] = (), *, controller: str | None = None
+    scenario: str | Path, path: Path | str, settings: Sequence[str] = (), *, controller: str | Path | None = None
 ) -> None:
     """Write a scenario as a page: one HTML file that runs its trials in a browser, without a server or a network.
 
@@ -79,11 +79,11 @@ def make_page(
     scenario: EmbodiedScenario | ParticleScenario,
     source: str,
     settings: Sequence[str] = (),
-    controller: str | None = None,
+    controller: str | Path | None = None,
 ) -> str:
     """Return the page of a scenario, whose source `epuck-sim run` takes with `key=value` settings; "" if none is it."""
     model: Model = "embodied" if isinstance(scenario, EmbodiedScenario) else "particles"
-    options = [("--controller", each) for each in [controller] if each] + [("--set", each) for each in settings]
+    options = [("--controller", str(each)) for each in [controller] if each] + [("--set", each) for each in settings]
     data = page_data(scenario, shlex.join([source, *chain.from_iterable(options)]))
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
     one = data["one"]

@@ -258,7 +258,7 @@ def note_changes(given: Mapping[str, Any], changes: Sequence[str]) -> dict[str, 
     return {**given, "description": f"{text}; with {', '.join(notes)}"}
 
 
-def reject_swept(settings: Sequence[str], controller: str | None, swept: Sequence[str]) -> None:
+def reject_swept(settings: Sequence[str], controller: str | Path | None, swept: Sequence[str]) -> None:
     """Raise ScenarioError for a setting, or a controller of all robots, that the points of a sweep override."""
     for axis in swept:
         for setting in settings:

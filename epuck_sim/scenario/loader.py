@@ -80,8 +80,8 @@ def load_scenario(
     settings: Sequence[str] = (),
     axes: Sequence[str] = (),
     *,
-    measures: Sequence[str] = (),
-    controller: str | None = None,
+    measures: Sequence[str | Path] = (),
+    controller: str | Path | None = None,
     quick: bool = False,
 ) -> AnyScenario: ...
 
@@ -92,8 +92,8 @@ def load_scenario(
     settings: Sequence[str] = (),
     axes: Sequence[str] = (),
     *,
-    measures: Sequence[str] = (),
-    controller: str | None = None,
+    measures: Sequence[str | Path] = (),
+    controller: str | Path | None = None,
     quick: bool = False,
 ) -> EmbodiedScenario | ParticleScenario: ...
 
@@ -103,8 +103,8 @@ def load_scenario(
     settings: Sequence[str] = (),
     axes: Sequence[str] = (),
     *,
-    measures: Sequence[str] = (),
-    controller: str | None = None,
+    measures: Sequence[str | Path] = (),
+    controller: str | Path | None = None,
     quick: bool = False,
 ) -> Scenario:
     """Return a validated scenario with every default filled in.
@@ -114,7 +114,7 @@ def load_scenario(
         settings: Changes as `key=value`; later ones win. A key is dotted, `robots.0.parameters.speed_cm_s=1`, or the
             ending of one, `speed_cm_s=1`; one that is the same in several groups of robots stands for all of them.
         axes: Axes for the grid of the scenario's sweep as `key=value,value,...`, or `key=FROM:TO:NUMBER`.
-        measures: Names of measures, added to the scenario's own; see `measures.measure.find_measure`.
+        measures: Names or files of measures, added to the scenario's own; see `measures.measure.find_measure`.
         controller: A shipped controller, or a file, relative to the working directory, that runs on all robots instead
             of the scenario's own. Their parameters and memory are kept where it has them; a warning names the others.
         quick: Take the quick version, which the file has under `quick`.
@@ -134,17 +134,17 @@ def load_scenario(
     >>> scenario.arena.width_cm
     100.0
     """
-    for name, given_texts in (("settings", settings), ("axes", axes), ("measures", measures)):
-        if isinstance(given_texts, str):
-            raise ScenarioError(f"{name} is {given_texts!r}; allowed: a list of such texts")
+    for name, texts, kind in (("settings", settings, str), ("axes", axes, str), ("measures", measures, str | Path)):
+        if isinstance(texts, str | Path) or not all(isinstance(each, kind) for each in texts):
+            raise ScenarioError(f"{name} is {texts!r}; allowed: a list of such texts")
     if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
         return complete(source, source.name)
     given, origin, folder = _read(source)
     given = _choose_version(given, origin, folder, quick=quick)
     if controller is not None:
-        given = keys.note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"])
+        given = keys.note_changes(replace_controllers(given, str(controller), origin), [f"controller={controller}"])
     if measures:
-        given = keys.add_measures(given, measures, origin, folder)
+        given = keys.add_measures(given, list(map(str, measures)), origin, folder)
     _reject_endings(given, origin, folder)
     parsed = [keys.parse_axis(axis, "--sweep") for axis in axes]
     changed: list[str] = []
