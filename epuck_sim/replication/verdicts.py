@@ -20,7 +20,7 @@ from epuck_sim.scenario.loader import Point
 from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes, has_series
 from epuck_sim.statistics.sequential import looks_p_value
-from epuck_sim.statistics.statistic import Measured, measure, measure_t_sync, restrict
+from epuck_sim.statistics.statistic import Measured, measure, measure_of, measure_t_sync, restrict
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SMALLEST, LARGEST = 1e-12, 1e-3
@@ -206,9 +206,15 @@ def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
     if check.take and not is_series and any(value is not None for point in points for value in point.measured):
         raise EpuckSimError(f"take is {check.take!r}, and {check.of} is no series; leave it out")
 
+    known_as = measure_of(points[0]) if points else None
+    over_cycles = known_as is None or known_as.over == "cycle"
+    place = slice(None) if over_cycles else {"first": slice(1), "final": slice(-1, None)}.get(name, slice(None))
+
     def reduced(series: Value) -> float | None:
-        known = [each for each in series if each is not None] if isinstance(series, list) else []
-        value = REDUCTIONS[name](known) if known else math.nan
+        given = series[place] if isinstance(series, list) else []
+        known = [each for each in given if each is not None]
+        is_enough = known if over_cycles else len(known) == len(given) > 0  # no threshold stands for another one
+        value = REDUCTIONS[name](known) if is_enough else math.nan
         return None if math.isnan(value) else value
 
     return [point._replace(measured=tuple(map(reduced, point.measured))) for point in points]

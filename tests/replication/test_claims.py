@@ -83,6 +83,14 @@ def test_what_a_check_takes_is_of_series() -> None:
             taken(check(of="x", above=1, **keys), [has])
 
 
+def test_no_threshold_stands_for_another_one_that_was_not_reached() -> None:
+    scenario = sweep({SPEED: [1]}, trials=2, measures=["threshold_cycles"])
+    (point,) = in_memory(scenario, lambda _: ended([1, 2]))
+    thresholds = point._replace(of="threshold_cycles", measured=([3, 5], [4, None]))
+    for take, values in (("first", (3, 4)), ("final", (5, None)), ("largest", (5, None))):
+        assert taken(check(of="threshold_cycles", take=take, above=1), [thresholds])[0].measured == values
+
+
 def test_points_of_a_ratio_are_paired_by_their_other_axes() -> None:
     """Not by their order; and those without another do not count."""
     rows = [(0.1, 1, 3), (0.1, 10, 3), (0.1, 7, 3), (0.2, 10, 5), (0.2, 1, 5)]
