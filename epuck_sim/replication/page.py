@@ -187,8 +187,11 @@ def _found(judged: Finding) -> str:
 
 def _why_no_p_value(judged: Finding) -> str:
     found = judged.effect.estimate
-    is_known = found.has_interval or judged.check.test == "formula" or math.isnan(found.value)
-    return "" if is_known else "; it has no p-value: its trials are few, or have one value, and show no scatter"
+    if found.has_interval or judged.check.test == "formula":
+        return ""
+    if math.isnan(found.value):
+        return "; it has no number: too few trials or points, values of 0 or below, or no such place on a curve"
+    return "; it has no p-value: its trials are few, or have one value, and show no scatter"
 
 
 def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:

@@ -170,6 +170,13 @@ def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
     assert all(np.isfinite(float(value)) for value in found.values())
 
 
+def test_a_test_that_finds_no_number_says_why_on_the_page(tmp_path) -> None:
+    few = {"test": "superiority", "between": FASTER["between"], "where": {SPEED: 1}, "below": 0.5}
+    file = write_claims(tmp_path, [claim("A1", few)], {**SWEEP, "keys": {**SWEEP["keys"], "trials": 3}})
+    assert replicate(file, tmp_path / "out").exit_code == 0
+    assert "ε = 0.05; it has no number: too few trials or points, " in (tmp_path / "out/replication.md").read_text()
+
+
 TINY = {**SWEEP, "keys": {**SWEEP["keys"], "trials": 6}}
 NEAR = {**FASTER, "between": [{"response.coupling": 0.4}, {"response.coupling": 0.05}], "above": 2.4}
 """Six trials a point are too few to see it."""
