@@ -124,7 +124,7 @@ def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     having = [point for point in points if keys <= point.axes.keys()]
     found = [point for point in having if canonical_text({key: point.axes[key] for key in keys}) == wanted]
     if not found:
-        raise EpuckSimError(f"where {_in_text(values)}: the sweep has no such point")
+        raise EpuckSimError(f"where {_in_text(values)}: no such point; axes: {comma_list(points[0].axes)}")
     return found
 
 
