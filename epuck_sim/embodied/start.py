@@ -247,7 +247,7 @@ def put_at_given_poses(swarm: Swarm, scenario: EmbodiedScenario) -> None:
             apart_cm = robots["radius_cm"] + radius_cm
             gaps_cm = np.sqrt((robots["x"] - x) ** 2 + (robots["y"] - y) ** 2) - apart_cm
             nearest = gaps_cm.argmin()
-            if gaps_cm[nearest] < -TOLERANCE_CM:
+            if scenario.contact.robots and gaps_cm[nearest] < -TOLERANCE_CM:
                 raise ScenarioError(
                     f"{key} and overlaps the robot at [{robots['x'][nearest]:g}, {robots['y'][nearest]:g}]; "
                     f"allowed: at least {apart_cm[nearest]:g} cm between centres"

@@ -94,8 +94,11 @@ def put_in(
             world.move(robot, (record.x, record.y, record.heading))
         else:
             pose = poses[number]
-            x, y, _ = pose
-            if not start.is_free(swarm, float(x), float(y), float(record.radius_cm) - start.TOLERANCE_CM):
+            x, y, radius_cm = float(pose[0]), float(pose[1]), float(record.radius_cm) - start.TOLERANCE_CM
+            is_free = start.clearance_cm(swarm, x, y, swarm.scene[0].circles) >= radius_cm - start.TOLERANCE_CM
+            if scenario.contact.robots:
+                is_free = start.is_free(swarm, x, y, radius_cm)
+            if not is_free:
                 raise ScenarioError(
                     f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an "
                     "obstacle or a movable; give a free place, or no poses"
