@@ -1,6 +1,7 @@
 """Rewards: functions of a `Situation`, of one swarm or of a batch of them at once."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,7 +108,7 @@ REWARD = Kind(
 """How rewards are found."""
 
 
-def find_reward(reward: SituationFunction | str) -> SituationFunction:
+def find_reward(reward: SituationFunction | str | Path) -> SituationFunction:
     """Return a reward: a function as it is, one by its name, or the function `reward` of a file.
 
     Raises:
@@ -115,11 +116,11 @@ def find_reward(reward: SituationFunction | str) -> SituationFunction:
     """
     if callable(reward):
         return reward
-    if not isinstance(reward, str):
+    if not isinstance(reward, str | Path):
         raise ScenarioError(f"reward is {reward!r}; allowed: a name, a function, or a file that ends in .py")
-    place = REWARD.locate(reward)
+    place = REWARD.locate(str(reward))
     if place.path is None:
-        return REWARDS[reward]
+        return REWARDS[place.name]
     file = load_python_file(place, ScenarioError)
     if not callable(file.parts.get("reward")):
         raise file.refusal("reward", "a reward needs a function reward(situation)")

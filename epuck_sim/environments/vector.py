@@ -42,7 +42,7 @@ class Task(TypedDict, total=False):
 
     seed: int | None
     """Seed of the first episode of the first swarm, `seed + 1` of the second, and so on; by default the scenario's."""
-    reward: SituationFunction | str
+    reward: SituationFunction | str | Path
     """`aggregation`, the default, `synchrony`, `coverage`, or a function of a `Situation` of a batch of swarms; or a
     file with such a function, called `reward`; or the name of a reward that an installed package offers."""
     terminate: Callable[[Situation], BoolArray] | None
@@ -182,7 +182,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         *,
         threads: int = 1,
         seed: int | None = None,
-        reward: SituationFunction | str = "aggregation",
+        reward: SituationFunction | str | Path = "aggregation",
         terminate: Callable[[Situation], BoolArray] | None = None,
         actions: Actions = "continuous",
         episode_s: float = 60.0,

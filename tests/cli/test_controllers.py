@@ -109,7 +109,8 @@ def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path):
     assert "parameters: {bend: 2.0}" in called("check", "particles", "--set", "response.curve=bent.py")
     assert 'vector_env("thesis", 8, reward="lit.py")' in called("new", "reward", "lit")
     rings = SimpleNamespace(ring_on=np.array([[True, False], [True, True]]))
-    assert find_reward("lit.py")(rings).tolist() == [0.5, 1]
+    for file in ("lit.py", tmp_path / "lit.py"):
+        assert find_reward(file)(rings).tolist() == [0.5, 1]
     assert "epuck-sim replicate --claims mine.yaml --out mine" in called("new", "claims", "mine")
     claims = read_claims(tmp_path / "mine.yaml")
     assert needed_sweeps(claims, claims.choose(())).keys() == {"couplings"}
