@@ -241,7 +241,8 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
         inner[np.abs(inner) < 1e-9 * (last - first)] = 0  # which a rounding has missed
     values = [first, *(float(f"{value:.6g}") for value in inner), last]
     if (different := len({*values})) < number:
-        raise ValueError(f"{key} is {parts[0]}; rounded, only {different} values differ; allowed: fewer, or with :lin")
+        allowed = "fewer, or with :lin" if is_log else "fewer"
+        raise ValueError(f"{key} is {parts[0]}; rounded, only {different} values differ; allowed: {allowed}")
     is_whole = {*"eE."}.isdisjoint(parts[1] + parts[2]) and all(value == int(value) for value in values)
     return [int(value) for value in values] if is_whole else values
 
