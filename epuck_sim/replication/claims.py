@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.base import ALLOWED, ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -258,5 +258,6 @@ def _message(path: Path, given: Any, error: ValidationError) -> str:
     elif detail["type"] == "missing":
         what = "is missing"
     elif detail["type"] != "value_error":
-        what = f"is {short_repr(detail['input'])}; {what[0].lower()}{what[1:]}"
+        allowed = ALLOWED.get(detail["type"], "another kind of value").format(**detail.get("ctx", {}))
+        what = f"is {short_repr(detail['input'])}; allowed: {allowed}"
     return ": ".join(part for part in (str(path), ".".join(map(str, location)), what) if part)
