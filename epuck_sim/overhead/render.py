@@ -237,7 +237,7 @@ class ArenaView:
             arena: Walls and obstacles, as steps have it; by default those of the start.
         """
         places = self._movables if movables is None else np.asarray(movables)
-        sample = ExposureSample(np.asarray(poses), np.asarray(ring_on), places, arena)
+        sample = ExposureSample(np.asarray(poses), np.asarray(ring_on, np.bool_), places, arena)
         return self._renderer.render([sample], room_is_lit=True)
 
 

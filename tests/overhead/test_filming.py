@@ -409,6 +409,7 @@ def test_bodies_are_dark_lit_rings_red_and_pictures_alike_without_the_cameras_fa
     view = ArenaView("thesis", 200, 200)
     empty = view.draw(np.empty((0, 3)), np.empty(0, bool)).astype(int)
     picture = view.draw(poses, np.array([False, True])).astype(int)
+    np.testing.assert_array_equal(view.draw(poses, [0, 1]), picture)  # numbers, as policies and tables have them
     places = np.argwhere(np.abs(picture - empty).max(axis=-1) > 20) < 100
     assert set(map(tuple, places.tolist())) == {(True, True), (False, False)}
     redness = picture[..., 0] - picture[..., 1]
