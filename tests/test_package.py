@@ -117,6 +117,14 @@ def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
     assert read_recording(str(tmp_path / "t.rrd")).seed == 1
 
 
+def test_a_trial_is_not_kept_under_the_seed_of_another_one(tmp_path) -> None:
+    scenario = load_scenario("pair", ["stop.max_cycles=1"])
+    for name, each in {"t.parquet": epuck_sim.Trace, "t.rrd": epuck_sim.record}.items():
+        with pytest.raises(ValueError, match="of seed 1, and "), each(tmp_path / name, scenario, 1) as seen:
+            epuck_sim.run_trial(Simulation(scenario, 2), [seen])
+    assert not list(tmp_path.iterdir())
+
+
 def test_controllers_and_measures_of_a_scenario_may_be_paths(tmp_path) -> None:
     (tmp_path / "mine.py").write_text("def mine(simulation):\n    return 1\n")
     controller = ROOT / "controllers" / "firefly.py"

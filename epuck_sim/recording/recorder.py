@@ -75,7 +75,7 @@ class Recorder:
         memory: Sequence[str] = (),
     ) -> None:
         """Write what does not change; the simulation need not exist yet, and at most `buffer_s` of it is held back."""
-        self._level, self._send = level, write
+        self._level, self._send, self.trial_seed = level, write, seed
         self._population = population = population_of(scenario)
         self._threshold = scenario.stop.order_parameter
         self._state: TrialState | None = None

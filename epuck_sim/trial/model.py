@@ -167,7 +167,8 @@ def run_trial(
 
     Raises:
         TypeError: `simulation` is not a simulation.
-        ValueError: The simulation is under way; its cycles before would go uncounted.
+        ValueError: The simulation is under way, and its cycles before would go uncounted; or an observer that keeps the
+            trial's seed, as `trial_seed`, has another one.
         MeasureError: One of the scenario's measures raises, or returns what is no value.
 
     >>> from epuck_sim import Simulation
@@ -176,6 +177,10 @@ def run_trial(
     """
     if not isinstance(getattr(simulation, "scenario", None), Scenario):
         raise TypeError(f"a trial is of a simulation, such as Simulation('thesis', seed=1), not of {simulation!r}")
+    observers = tuple(observers)
+    for kept in (getattr(each, "trial_seed", simulation.seed) for each in observers):
+        if kept != simulation.seed:
+            raise ValueError(f"an observer is of seed {kept}, and the trial of seed {simulation.seed}")
     measuring = Measuring(simulation)
     run = MODELS[simulation.scenario.model].run
     result = run(simulation, (*observers, *measuring.at_events), progress, measuring)

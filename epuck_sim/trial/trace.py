@@ -60,7 +60,7 @@ class Trace:
         path = Path(path)
         scenario = require_model(scenario, EmbodiedScenario, "traces are of robots")
         check_target(path)
-        self._path = path.resolve()
+        self._path, self.trial_seed = path.resolve(), seed
         self._robots = scenario.robot_count
         check_fields(scenario, memory)
         self._fields = {name: name for name in reading_fields(scenario)} | {f"memory.{name}": name for name in memory}
