@@ -1,5 +1,11 @@
 """Errors that are meant for the person who made them: one readable message each, never a traceback."""
 
+from collections.abc import Callable
+from pathlib import Path
+
+REFUSING: list[Callable[[Path], object]] = []
+"""What commands have look at each file of code before it is loaded, the last first: it may raise an EpuckSimError."""
+
 
 class EpuckSimError(Exception):
     """The root of every error that this package raises on purpose."""

@@ -1,6 +1,8 @@
 """The `epuck-sim` command: its subcommands, and how signals end it."""
 
 import sys
+from functools import cache
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,6 +14,7 @@ from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
 from epuck_sim.cli.scenarios import news, scenarios
 from epuck_sim.cli.terminal import EXIT_CODE, end_on_request
+from epuck_sim.errors import REFUSING
 
 app = typer.Typer(
     cls=Commands,
@@ -31,13 +34,22 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _ask_for_trust(path: Path) -> None:
+    from epuck_sim.runs.sources import ask_for_trust
+
+    ask_for_trust(path)
+
+
 @app.callback()
 def _options(
-    version: Annotated[
+    context: typer.Context,
+    version: Annotated[  # noqa: ARG001
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Hold the options that all commands share."""
+    """Hold the options that all commands share, and have all ask for trust, once for each file."""
+    REFUSING[:] = [cache(_ask_for_trust)]
+    context.call_on_close(REFUSING.clear)
 
 
 def main() -> None:

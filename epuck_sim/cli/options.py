@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from epuck_sim.cli.errors import exit_on_error, print_stderr, print_warnings, word_if_slow
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.errors import REFUSING, EpuckSimError
 
 if TYPE_CHECKING:  # or --help would wait for pydantic
     from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -189,12 +189,11 @@ def read_scenario(
 
     Code that a run folder brings is not run unless this user trusts it, or `trusted` says so.
     """
-    from epuck_sim.runs.sources import check_trusted, run_folder_of, trust
+    from epuck_sim.runs.sources import ask_for_trust
     from epuck_sim.scenario.loader import load_scenario
 
-    if trusted and (folder := run_folder_of(scenario)) is not None:
-        trust(folder)
-    check_trusted(scenario)
+    if trusted:
+        REFUSING.append(partial(ask_for_trust, trusted=True))
     with word_if_slow(f"reading {scenario}"):
         loaded = load_scenario(
             scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick

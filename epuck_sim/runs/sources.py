@@ -259,10 +259,14 @@ def trust(folder: Path) -> None:
             file.write(f"{digest}\n")
 
 
-def check_trusted(scenario: str | Path) -> None:
-    """Raise StoreError if what is given as a scenario is a run folder with code that this user does not trust."""
-    folder = run_folder_of(scenario)
-    if folder is not None and not is_trusted(folder):
+def ask_for_trust(path: Path, *, trusted: bool = False) -> None:
+    """Raise StoreError for code in a run folder that its user does not trust; with `trusted`, trust it from now on."""
+    folder = next((each for each in path.parents if (each / DATABASE).is_file()), None)
+    if folder is None or path.suffix not in CODE:
+        return
+    if trusted:
+        trust(folder)
+    if not is_trusted(folder):
         names = ", ".join(code_in(folder))
         raise StoreError(
             f"{folder}: brings code that you have not run: {names}; look at it, and if you trust it, give --trust to "

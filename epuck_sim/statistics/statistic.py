@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.display.table import Row, Share, Table, plain
-from epuck_sim.errors import EpuckSimError, MeasureError, StoreError
+from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.measures.measure import Measure
 from epuck_sim.runs.reader import PointTrials
@@ -91,7 +91,7 @@ def measure_of(point: PointTrials) -> Measure | None:
     sections = [section for section in point.scenario.measures if section.name == point.of]
     try:
         return sections[0].find() if sections else None
-    except MeasureError:  # its file is gone
+    except EpuckSimError:  # its file is gone, or is another's
         return None
 
 

@@ -316,16 +316,17 @@ def test_verify_names_what_is_not_as_it_was_written(made: Path, spoil, name: str
 
 @pytest.fixture
 def foreign(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a run folder that somebody else has made, whose code leaves a trace where it is run."""
+    """Return a run folder that somebody else has made, whose code leaves a trace where it is run, from anywhere."""
     mark = f"open({str(tmp_path / 'was-run')!r}, 'w').close()\n"
     for path in made.rglob("*.py"):
         write_soon_after(path, mark + path.read_text())
     shutil.rmtree(tmp_path / "own")
+    edit(made, "UPDATE points SET scenario = replace(scenario, ?, ?)", str(tmp_path / "own"), str(made / "sources"))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return made
 
 
-SHOWING = ["plot --form curves --x robots.0.count", "export --to x.csv"]
+SHOWING = ["plot --form curves --x robots.0.count", "export --to x.csv", "summarize --of coverage"]
 
 
 @pytest.mark.parametrize("command", ["check", "status", "report", "verify", "summarize", "list", *SHOWING])
@@ -347,6 +348,17 @@ def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(fore
     Path("claims.yaml").write_text(f"sweeps: {{s: {{scenario: {foreign}}}}}\nclaims: [{CLAIM}]")
     assert "brings code that you have not run" in refused(*command.replace("RUN", str(foreign)).split())
     assert not Path("was-run").exists()
+
+
+@pytest.mark.parametrize("keys", ["start: {like: run/scenario.yaml}", "sweep: {grid: {start.like: [run, thesis]}}"])
+def test_agents_that_start_like_robots_of_a_folder_ask_for_trust(foreign, tmp_path, monkeypatch, keys: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("agents.yaml").write_text(f"model: particles\n{keys}")
+    for command in ("run agents.yaml --out out", "check agents.yaml"):
+        assert "run: brings code that you have not run: sources/coverage.py" in refused(*command.split())
+    assert not Path("was-run").exists()
+    call("run", "agents.yaml", "--trust", "--out", "out")
+    assert is_trusted(foreign)
 
 
 @pytest.mark.parametrize("command", ["run", "plan", "replay --point 0 --trial 0 --interpret"])
