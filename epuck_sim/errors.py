@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
-REFUSING: list[Callable[[Path], object]] = []
-"""What commands have look at each file of code before it is loaded, the last first: it may raise an EpuckSimError."""
+CODE_CHECKS: list[Callable[[Path], object]] = []
+"""Checks that a command makes of each file of code before it is loaded, the last first; they raise an EpuckSimError."""
 
 
 class EpuckSimError(Exception):

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 
-from epuck_sim.errors import REFUSING, EpuckSimError
+from epuck_sim.errors import CODE_CHECKS, EpuckSimError
 from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
 
 AS_LOADED = "__as_loaded__"  # name in a loaded module of the fingerprints of its values when it was loaded
@@ -84,7 +84,7 @@ class Kind:
     def at(self, path: Path) -> Place:
         """Return the place of a file, under the name by which it is shipped or offered if it is."""
         path = path.resolve()
-        for look in reversed(REFUSING):
+        for look in reversed(CODE_CHECKS):
             look(path)
         known = (places[0] for places in self.offers.values() if len(places) == 1)
         return next((place for place in known if place.path == path), Place(str(path), path))

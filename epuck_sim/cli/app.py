@@ -14,7 +14,7 @@ from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
 from epuck_sim.cli.scenarios import news, scenarios
 from epuck_sim.cli.terminal import EXIT_CODE, end_on_request
-from epuck_sim.errors import REFUSING
+from epuck_sim.errors import CODE_CHECKS
 
 app = typer.Typer(
     cls=Commands,
@@ -48,8 +48,8 @@ def _options(
     ] = False,
 ) -> None:
     """Hold the options that all commands share, and have all ask for trust, once for each file."""
-    REFUSING[:] = [cache(_ask_for_trust)]
-    context.call_on_close(REFUSING.clear)
+    CODE_CHECKS[:] = [cache(_ask_for_trust)]
+    context.call_on_close(CODE_CHECKS.clear)
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from epuck_sim.cli.errors import exit_on_error, print_stderr, print_warnings, word_if_slow
-from epuck_sim.errors import REFUSING, EpuckSimError
+from epuck_sim.errors import CODE_CHECKS, EpuckSimError
 
 if TYPE_CHECKING:  # or --help would wait for pydantic
     from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -193,7 +193,7 @@ def read_scenario(
     from epuck_sim.scenario.loader import load_scenario
 
     if trusted:
-        REFUSING.append(partial(ask_for_trust, trusted=True))
+        CODE_CHECKS.append(partial(ask_for_trust, trusted=True))
     with word_if_slow(f"reading {scenario}"):
         loaded = load_scenario(
             scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
