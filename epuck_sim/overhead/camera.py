@@ -9,6 +9,7 @@ Pixels: (column, row), measured from the middle of the upper left pixel, as in O
 import hashlib
 import math
 from collections.abc import Callable, Iterable
+from itertools import compress
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -59,6 +60,7 @@ MIN_POINTS = 8  # corners of a board that must be seen in a picture
 MIN_MOVE_PX = 8.0  # mean distance by which the board must have moved since the last picture that counts
 SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)  # iterations, px: end corners' refinement
 MARKER_SHARE = 0.7  # side of a ChArUco board's markers, relative to that of its squares
+MAX_MISFIT = 5.0  # error of a view, relative to the median, beyond which corners were misplaced, and it is left out
 UNSURE_FOCUS = 0.03
 """Relative difference of the focal lengths by half of the views and by all from which they do not determine a lens:
 seen straight on, or always askew in the same way, a board nearby looks as one farther away through a longer lens."""
@@ -271,7 +273,9 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
             "--board (squares across and down), light it evenly, and show it in all parts of the picture and tilted"
         )
     try:
-        error, matrix, terms = _fit_lens(views, size_px, is_fisheye)
+        *_, errors_px = _fit_lens(views, size_px, is_fisheye)
+        views = list(compress(views, errors_px <= MAX_MISFIT * np.median(errors_px)))
+        error, matrix, terms, _ = _fit_lens(views, size_px, is_fisheye)
         halves = [_fit_lens(views[first::2], size_px, is_fisheye)[1] for first in (0, 1)]
         if not all(abs(half[0, 0] / matrix[0, 0] - 1) <= UNSURE_FOCUS for half in halves):
             raise ValueError("half of the views give another lens")  # noqa: TRY301 is undetermined, too
@@ -292,18 +296,23 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
         ) from failed
 
 
-def _fit_lens(views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> tuple[float, FloatArray, FloatArray]:
-    """Return the root mean square error in px, the (3, 3) camera matrix and the coefficients of a lens."""
+def _fit_lens(
+    views: list[View], size_px: tuple[int, int], is_fisheye: bool
+) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+    """Return the root mean square error in px, the (3, 3) matrix and coefficients of a lens, and each view's error."""
     points = [np.array([*view], np.float32)[:, None] for view in views]
     pixels = [np.array([*view.values()], np.float32)[:, None] for view in views]
     if is_fisheye:
         flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW
-        places, seen = ([each.astype(float).swapaxes(0, 1) for each in parts] for parts in (points, pixels))
-        found = cv2.fisheye.calibrate(places, seen, size_px, np.zeros((3, 3)), np.zeros((4, 1)), flags=flags)
+        points, pixels = ([each.astype(float).swapaxes(0, 1) for each in parts] for parts in (points, pixels))
+        found = cv2.fisheye.calibrate(points, pixels, size_px, np.zeros((3, 3)), np.zeros((4, 1)), flags=flags)
     else:
         found = cv2.calibrateCamera(points, pixels, size_px, np.eye(3), np.zeros(5))
-    error, matrix, terms, *_ = found
-    return float(error), np.asarray(matrix, float), np.asarray(terms, float)
+    error, matrix, terms, turns, shifts = found
+    show = cv2.fisheye.projectPoints if is_fisheye else cv2.projectPoints
+    shown = [show(*view, matrix, terms)[0] for view in zip(points, turns, shifts, strict=True)]
+    errors = [math.sqrt(np.mean((one - other) ** 2)) for one, other in zip(shown, pixels, strict=True)]
+    return float(error), np.asarray(matrix, float), np.asarray(terms, float), np.array(errors)
 
 
 def save_lens(path: Path, lens: LensFile) -> None:

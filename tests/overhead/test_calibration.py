@@ -383,6 +383,17 @@ def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]
     return views
 
 
+@pytest.mark.parametrize("is_fisheye", [False, True])
+def test_a_view_with_misplaced_corners_is_left_out(is_fisheye: bool) -> None:
+    views = views_of_a_board(np.linspace(-35, 35, 12), is_fisheye)
+    whole = calibrate_lens("film", views, SIZE, is_fisheye)
+    views[3] = {place: pixel + place[0] * place[1] for place, pixel in views[3].items()}
+    found = calibrate_lens("film", views, SIZE, is_fisheye)
+    assert (whole.views, found.views) == (12, 11)
+    assert found.error_px < 0.2
+    assert found.middle_px == pytest.approx(whole.middle_px, abs=2.0)
+
+
 @pytest.mark.parametrize(("is_fisheye", "tilt_deg"), [(False, 0.0), (False, 12.0), (True, 12.0)])
 def test_a_board_that_is_never_or_always_tilted_alike_does_not_determine_a_lens(is_fisheye: bool, tilt_deg) -> None:
     views = views_of_a_board(np.linspace(-35, 35, 12), is_fisheye)
