@@ -35,6 +35,7 @@ STRAIGHT_CM = 1.0  # distance aside of a mirror image from the line across the w
 COMMON_IMAGES = 0.1  # share of all flashes that look like mirror images from which it is not chance
 USUAL_PERIODS_S = (0.3, 60.0)  # bounds of periods in which robots are seen to flash; thesis 4.2.1 has 5 s
 ENOUGH_RECURRENCES = 4  # times that the swarm flashes together from which their distance tells of the period
+HIDING = 1.5  # given period, relative to the true one, from which a synchronised swarm may seem not to be
 OTHER_PERIOD = 0.05  # relative difference from it from which the given period is doubtful; clocks differ by less
 ENOUGH_PERIODS = 3.5  # periods in a film below which the estimated period may be wrong
 WRONG_SIZE = 0.08  # relative error of the rings' size from which the scale is doubtful; blur and haze give half of it
@@ -332,8 +333,8 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     recurrence_s = _recurrence_s(evidence) if evidence.period_is_given else period_s
     if abs(recurrence_s / period_s - 1) > OTHER_PERIOD:
         found.append(
-            f"the synchronised swarm flashes every {recurrence_s:.3g} s, not every {period_s:.4g} s: "
-            "check --period-s and --fps"
+            f"the swarm flashes every {recurrence_s:.3g} s, not every {period_s:.4g} s: check --period-s and --fps, or "
+            "give --robots"
         )
     if may_be_half_a_period(evidence):
         found.append(
@@ -344,8 +345,15 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
 
 
 def _recurrence_s(evidence: Evidence) -> float:
-    """Return how often the synchronised swarm flashes; the period where it is seen too seldom to tell."""
+    """Return how often the synchronised swarm flashes; the period where it is seen too seldom to tell.
+
+    If it never is, and the number of robots is not known, it may be by the period that its flashes show.
+    """
     onsets_s, period_s = evidence.flashes.onset_s, evidence.period_s
+    if evidence.in_order_s is None and evidence.robots is None:
+        shown_s = synchrony.estimate_period_s(evidence.counted.times_s, evidence.counted.counts) or period_s
+        is_hidden = HIDING * shown_s <= period_s and evidence._replace(period_s=shown_s).in_order_s is not None
+        return shown_s if is_hidden else period_s
     since_s = onsets_s[onsets_s >= (math.inf if evidence.in_order_s is None else evidence.in_order_s)]
     together_s = since_s[np.diff(since_s, prepend=-math.inf) > period_s / 4]
     return float(np.median(np.diff(together_s))) if len(together_s) >= ENOUGH_RECURRENCES else period_s
