@@ -60,6 +60,8 @@ MIN_POINTS = 8  # corners of a board that must be seen in a picture
 MIN_MOVE_PX = 8.0  # mean distance by which the board must have moved since the last picture that counts
 SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)  # iterations, px: end corners' refinement
 MARKER_SHARE = 0.7  # side of a ChArUco board's markers, relative to that of its squares
+EQUIDISTANT = cv2.CALIB_FIX_PRINCIPAL_POINT | sum(getattr(cv2, f"CALIB_FIX_K{number}") for number in (1, 2, 3, 4))
+"""OpenCV's flags of a fisheye lens of which only the focal length is unknown."""
 MAX_MISFIT = 5.0  # error of a view, relative to the median, beyond which corners were misplaced, and it is left out
 UNSURE_FOCUS = 0.03
 """Relative difference of the focal lengths by half of the views and by all from which they do not determine a lens:
@@ -300,12 +302,15 @@ def _fit_lens(
     views: list[View], size_px: tuple[int, int], is_fisheye: bool
 ) -> tuple[float, FloatArray, FloatArray, FloatArray]:
     """Return the root mean square error in px, the (3, 3) matrix and coefficients of a lens, and each view's error."""
+    found: Any
     points = [np.array([*view], np.float32)[:, None] for view in views]
     pixels = [np.array([*view.values()], np.float32)[:, None] for view in views]
     if is_fisheye:
         flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW
         points, pixels = ([each.astype(float).swapaxes(0, 1) for each in parts] for parts in (points, pixels))
-        found = cv2.fisheye.calibrate(points, pixels, size_px, np.zeros((3, 3)), np.zeros((4, 1)), flags=flags)
+        found = None, np.zeros((3, 3)), np.zeros((4, 1))
+        for more in (EQUIDISTANT, cv2.CALIB_USE_INTRINSIC_GUESS):  # of wide lenses, all at once would not be found
+            found = cv2.fisheye.calibrate(points, pixels, size_px, found[1], found[2], flags=flags | more)
     else:
         found = cv2.calibrateCamera(points, pixels, size_px, np.eye(3), np.zeros(5))
     error, matrix, terms, turns, shifts = found

@@ -368,19 +368,25 @@ def test_boards_are_missed_where_there_is_none_and_found_anew_only_where_they_ha
     assert len(find_views(frames, (9, 6), is_charuco=False, apart_s=0.0)) == 10
 
 
-def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]:
-    """Return views through a lens of 450 px, with noise of 0.1 px, of a board that is moved, turned and tilted."""
+def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool, focal_px: float = 450.0) -> list[View]:
+    """Return views through a lens, with noise of 0.1 px, of a board that is moved, turned and tilted."""
     random = np.random.default_rng(3)
     across, down = np.meshgrid(np.arange(6.0), np.arange(4.0))
     board = np.column_stack([across.ravel(), down.ravel(), np.zeros(across.size)])[:, None]
     views, project = [], cv2.fisheye.projectPoints if is_fisheye else cv2.projectPoints
     for tilt_deg in tilts_deg:
         turn = Rotation.from_euler("zx", [random.uniform(-40, 40), tilt_deg], degrees=True).as_rotvec()
-        shift = np.array([*random.uniform(-6, -1, 2), random.uniform(12, 18)])
-        pixels, _ = project(board, turn, shift, cameras.lens_matrix(450.0, SIZE), np.zeros(4))
+        shift = np.array([*random.uniform(-6, -1, 2), random.uniform(12, 18) * focal_px / 450])
+        pixels, _ = project(board, turn, shift, cameras.lens_matrix(focal_px, SIZE), np.zeros(4))
         noisy = (pixels + random.normal(0, 0.1, pixels.shape)).reshape(-1, 2)
         views.append(dict(zip(map(tuple, board[:, 0].tolist()), noisy, strict=True)))
     return views
+
+
+@pytest.mark.parametrize("focal_px", [120.0, 150.0, 190.0])
+def test_a_board_tells_a_very_wide_fisheye_lens(focal_px: float) -> None:
+    views = views_of_a_board(np.linspace(-50, 50, 12), True, focal_px)
+    assert calibrate_lens("film", views, SIZE, is_fisheye=True).focal_px == pytest.approx(focal_px, rel=0.02)
 
 
 @pytest.mark.parametrize("is_fisheye", [False, True])
