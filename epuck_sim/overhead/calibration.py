@@ -164,7 +164,7 @@ def described_geometry(size_px: tuple[int, int], options: TrackOptions, metadata
     except (EpuckSimError, ValidationError):  # written by another version
         return None
     is_same = (camera.width_px, camera.height_px) == size_px
-    return Geometry(camera, metadata.arena_cm, DESCRIPTION, True) if is_same else None
+    return Geometry(camera, metadata.arena_cm, DESCRIPTION, True, ring_size=math.nan) if is_same else None
 
 
 def calibrate(

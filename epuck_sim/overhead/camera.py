@@ -144,7 +144,7 @@ class Geometry(NamedTuple):
     background: Light | None = None  # constant light of the dark scene without rings
     ring_light: float = 0.0
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
-    ring_size: float = 1.0  # radius of the rings by the floor's corners, relative to the known one
+    ring_size: float = 1.0  # radius of the rings by the floor's corners, relative to the known one; NaN if described
 
     def floor_outline_px(self) -> FloatArray:
         """Return (n, 2) px: the outline of the floor, in order."""

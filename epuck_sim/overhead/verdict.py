@@ -258,9 +258,12 @@ def doubts(evidence: Evidence) -> list[str]:
             "or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and more "
             "frames per second, or give the corners by --corners"
         )
-    if geometry.knows_floor and abs(geometry.ring_size - 1) > WRONG_SIZE:
+    ring_size, seen_cm = geometry.ring_size, [ring.radius_cm for rings in counted.rings for ring in rings]
+    if math.isnan(ring_size) and seen_cm:  # described: the film may have been scaled or cropped since
+        ring_size = float(np.median(seen_cm)) / epuck.RING_RADIUS_CM
+    if geometry.knows_floor and abs(ring_size - 1) > WRONG_SIZE:
         found.append(
-            f"rings would be {geometry.ring_size:.2f} times as large as they are by {geometry.calibration}: lengths "
+            f"rings would be {ring_size:.2f} times as large as they are by {geometry.calibration}: lengths "
             "and speeds may be wrong by as much; give the floor's corners by --corners and its size by --arena-cm"
         )
     if not geometry.knows_floor and geometry.tilt_deg >= TILTED_DEG:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import flashes, verdict
@@ -331,6 +332,12 @@ def burnt_out(number: int) -> Evidence:
     return filmed(flashes=(*(each._replace(light=DISC_LIGHT) for each in flashes[:number]), *flashes[number:]))
 
 
+def described(size: float) -> Evidence:
+    """Return evidence of a film whose rings are not as large as its description has them, as it was scaled since."""
+    ring = Ring(30.0, 30.0, size * epuck.RING_RADIUS_CM, 0.0, 0.0, 0.0, 100.0)
+    return filmed(geometry=make_geometry()._replace(ring_size=math.nan), rings=[[ring]])
+
+
 NEARLY = np.sort([*(k + np.array([0.5, 0.5, 0.6, 0.6]) for k in range(7))], axis=None)
 CUT = np.where(np.arange(len(TIMES)) % 3 == 0, 0, evidence().counted.counts)  # without each third frame
 MISSED = [onset for k, onset in enumerate(ONSETS) if onset > 3 or k % 5]
@@ -347,6 +354,8 @@ SHOWN = evidence(robots=None, period_is_given=False)
     (burnt_out(5), "burnt out to discs: those of 5 of 28 flashes"),
     (filmed(counts=CUT), "is of no ring"),
     *((filmed(geometry=make_geometry()._replace(ring_size=size)), "times as large as") for size in (0.88, 1.12)),
+    *((described(size), "times as large as they") for size in (0.9, 1.12)),
+    (described(0.95), ""),
     (filmed(geometry=make_geometry()._replace(tilt_deg=3.0, knows_floor=False)), "seems to be tilted by 3 degrees"),
     (evidence(MISSED), "some are missed"),
     (evidence(robots=5), "synchronised swarm, 4 at T_sync, but there are 5 robots: check --robots"),
