@@ -1,7 +1,6 @@
 """Messages where something is wrong, or slow: one message and an exit code, no traceback for a mistake."""
 
 import errno
-import os
 import sys
 import threading
 import traceback
@@ -57,9 +56,7 @@ def _message(error: Exception) -> str | None:
         return package and f'this needs {package}, which is not installed: pip install "epuck-sim[{extra}]"'
     if isinstance(error, ValueError | AttributeError) and not all(map(_is_open, (sys.stdout, sys.stderr))):
         return "the output cannot be written: it was closed"  # by a controller, say, or it was set to None
-    is_backend = isinstance(error, ValueError) and str(error).startswith("Key backend: ")  # as matplotlib is loaded
-    unknown = f"MPLBACKEND is {os.environ.get('MPLBACKEND')!r}, which matplotlib does not know; unset it"
-    return unknown if is_backend else None
+    return None
 
 
 def _is_open(stream: TextIO | None) -> bool:

@@ -131,13 +131,6 @@ def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_the
     ]
 
 
-def test_a_backend_that_matplotlib_does_not_know_is_refused_with_one_message(tmp_path) -> None:
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "none"}
-    command = [sys.executable, "-m", "epuck_sim", "report", "runs"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert done.stderr == "error: MPLBACKEND is 'none', which matplotlib does not know; unset it\n"
-
-
 def test_every_extra_installs_what_it_is_named_for_and_the_docs_name_it() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
