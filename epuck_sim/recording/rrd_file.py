@@ -22,8 +22,11 @@ ENDING = ".rrd"  # by which the viewer knows a recording
 SEAL = "/__properties/seal"  # the property that holds the digest and the length of the file
 
 _MARK = b"jV3xQm8kTz5wLr2NgY7u"  # stands before them
-_BLANK = b"Kd81Xf3aP60cHe95Wb27Js4f0Mq7a2Zc9dT4eR6bV15G83Uy73Bn0eDa9Fc25Lh8ExWk1d6fS0b4390v"
-"""Placeholder while the digest is computed, of 64 hexadecimal digits, and of 16 for the length in bytes."""
+_BLANK = b"Kd81Xf3aP60cHe95Wb27Js4f0Mq7a2Zc9dT4eR6bV15G83Uy73Bn0eDa9Fc25Lh8ExWk1dQfS0bT43Yv"
+"""Placeholder while the digest is computed, of 64 hexadecimal digits, and of 16 for the length in bytes.
+
+It has no four such digits in a row: an id nearby may have the same, and the file's compression would join the two.
+"""
 
 _GUARD = b"oQzTvMwYhN"
 """Guard before and behind all this, whose outer bytes the file's compression may take for a repetition."""

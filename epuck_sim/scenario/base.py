@@ -177,7 +177,7 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
     >>> guess("speed_cm_s", ["seed"], ["seed", "agents.speed_cm_s"])
     "unknown 'speed_cm_s' here; the full key is agents.speed_cm_s"
     """
-    same = [key for key in keys if ends_in(key, name)] or [key for key in keys if f".{name}." in key]
+    same = [key for key in keys if ends_in(key, name)]
     if same:
         return f"unknown {name!r} here; the full key is {' or '.join(same)}"
     near = nearest_name(name, known)

@@ -2,6 +2,7 @@
 refused in words."""
 
 import os
+import re
 import resource
 import sys
 from pathlib import Path
@@ -19,7 +20,7 @@ from epuck_sim.recording import reader as entities
 from epuck_sim.recording.layout import arrangement_of, layout_file
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import last_moment_s, read_layout
-from epuck_sim.recording.rrd_file import is_whole
+from epuck_sim.recording.rrd_file import _BLANK, is_whole
 from epuck_sim.trial.model import Observer, run_trial
 from tests.processes import start, wait_until
 from tests.recording.recordings import recorded
@@ -60,6 +61,10 @@ def test_where_the_trial_fails_nothing_is_left_and_a_full_disk_ends_it_at_the_ne
     assert str(caught.value) == f"{tmp_path / 't.rrd'}: cannot be written: No space left on device"
     assert calls == [0, 0, 6, 13, 20]
     assert list(tmp_path.iterdir()) == [tmp_path / "older.rrd"]
+
+
+def test_no_id_of_a_chunk_is_packed_with_the_blank_digest() -> None:
+    assert not re.search(b"[0-9a-f]{4}|[0-9A-F]{4}", _BLANK)
 
 
 def test_runs_that_record_to_the_same_file_one_through_a_link_do_not_harm_each_other(tmp_path) -> None:
