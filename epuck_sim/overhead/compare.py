@@ -321,10 +321,6 @@ def _slow(_: Track, robots: Robots) -> float:
     return float(np.mean(speeds < robots.identities.speed_cm_s / 2)) if len(speeds) else math.nan
 
 
-def _clock_rates(track: Track, robots: Robots) -> float:
-    return fit_film(track, robots).get("spread.clock_rate", UNDETERMINED).value
-
-
 QUANTITIES: dict[tuple[str, str], Callable[[Track, Robots], float]] = {
     ("T_sync", "cycles"): lambda track, _: _within(track, track.t_sync_cycles),
     ("T_sync by the histogram", "periods"): lambda track, _: _within(track, track.histogram_periods),
@@ -333,7 +329,9 @@ QUANTITIES: dict[tuple[str, str], Callable[[Track, Robots], float]] = {
     ("speed straight ahead", "cm/s"): lambda _, robots: robots.identities.speed_cm_s,
     ("flashes of robots that turn or stand", "share"): _slow,
     (f"flashes within {NEAR_WALL_CM:g} cm of a wall", "share"): _near_walls,
-    ("half-width of clock rates", "share"): _clock_rates,
+    ("half-width of clock rates", "share"): lambda track, robots: (
+        fit_film(track, robots).get("spread.clock_rate", UNDETERMINED).value
+    ),
 }
 """Numbers that films and trials have, by name and unit: NaN if a film does not tell, inf if beyond its end."""
 
