@@ -214,11 +214,7 @@ class SpanningTime(Links):
     connection: str = "strong"
     check = staticmethod(allowed(connection=one_of(CONNECTIONS)))
     UNIT = "cycles"
-    _cycles, _spans = 0, False
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._together = NO_LINKS
+    _cycles, _spans, _together = 0, False, NO_LINKS
 
     def take(self, links: IntArray) -> None:
         if not self._spans:
