@@ -1,7 +1,7 @@
 """Predictions of a scenario's regimes, and the table of those of a sweep."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,12 +91,7 @@ class Prediction(NamedTuple):
 
 def predict(scenario: Scenario) -> Prediction:
     """Return the prediction for a scenario without a sweep; raise ScenarioError where there cannot be one."""
-    return _predictor(scenario)(_speed_of(scenario))
-
-
-def predict_speeds(scenario: Scenario, speeds_cm_s: Iterable[float]) -> list[Prediction]:
-    """Return `predict` for a scenario at each of these speeds."""
-    return [*map(_predictor(scenario), speeds_cm_s)]
+    return predictor(scenario)(_speed_of(scenario))
 
 
 def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
@@ -106,7 +101,7 @@ def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
     for point in points(scenario):
         key = str(without_speed(point.scenario))
         if key not in kept:
-            kept[key] = _predictor(point.scenario)
+            kept[key] = predictor(point.scenario)
         found.append((point, kept[key](_speed_of(point.scenario))))
     return found
 
@@ -118,7 +113,7 @@ def sweep_table(name: str, found: Sequence[tuple[Point, Prediction]]) -> Table:
     return Table(name, rows, (BRACKETS, *notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
 
 
-def _predictor(scenario: Scenario) -> Callable[[float], Prediction]:
+def predictor(scenario: Scenario) -> Callable[[float], Prediction]:
     """Return the prediction as a function of the speed, cm/s: a swarm's graph and chains tell of all of its speeds."""
     response, threshold, jitter = _oscillators(scenario)
     agents, period_s = scenario.population, scenario.scales["tau"]

@@ -17,7 +17,7 @@ from epuck_sim.figures.saving import tabulate_rows
 from epuck_sim.figures.style import GREY, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import Curve, check_speed_alone
-from epuck_sim.theory.predict import Prediction, predict_speeds
+from epuck_sim.theory.predict import Prediction, predictor
 
 AXES = ("agents.speed_cm_s", "robots.0.parameters.speed_cm_s")  # axes whose speed predictions know
 MOST_CURVES = 12  # largest number of curves that are predicted: each takes about a second
@@ -64,7 +64,7 @@ def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
     for curve in curves:
         moving = curve.x[curve.x > 0]
         speeds = np.geomspace(moving.min(), moving.max(), SPEEDS) if len(moving) else np.zeros(1)
-        at = predict_speeds(curve.scenario, speeds.tolist())
+        at = [*map(predictor(curve.scenario), speeds.tolist())]
         found.append(Predicted(speeds, np.array([each.t_sync.value for each in at]), at[0]))
     return found
 
