@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from epuck_sim.arrays import Float32Array, FloatArray, IntArray
+from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.display.table import leaves
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.labels import format_axis_values
@@ -142,7 +142,9 @@ def _robots(
             path = agent_path(time_s, positions, headings, side_cm, is_cyclic=population.is_cyclic)
         else:
             path = np.column_stack([time_s, positions])
-            path = np.insert(path, _jumps(positions, population), np.nan, axis=0)
+            far_cm = population.arena.width_cm / 2 if population.is_cyclic else math.inf
+            jumps = 1 + np.flatnonzero((np.abs(np.diff(positions, axis=0)) > far_cm).any(axis=1))
+            path = np.insert(path, jumps, np.nan, axis=0)
         yield number, path, colour, RED if recorded.ring_on[rows, number][-1] else DARK
 
 
@@ -185,11 +187,6 @@ def _draw_segment(axes: Axes, recorded: Recorded, population: Population, rows: 
             axes.text(path[-1, 1], path[-1, 0], str(number), color="white", fontsize=6, ha="center", va="center")
     axes.set(ylabel="simulated time (s)")
     axes.margins(0.03)
-
-
-def _jumps(path: Float32Array, population: Population) -> IntArray:
-    far_cm = population.arena.width_cm / 2 if population.is_cyclic else math.inf
-    return 1 + np.flatnonzero((np.abs(np.diff(path, axis=0)) > far_cm).any(axis=1))
 
 
 def robot_colours(population: Population) -> FloatArray:
