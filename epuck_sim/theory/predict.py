@@ -15,7 +15,7 @@ from epuck_sim.scenario.loader import Point, points
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents, StartSection
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.theory.limits import Limit, Pair, find_limit, measure_pair
-from epuck_sim.theory.regime import IN_LIMITS, Rise, Verdict, find_course, find_rise, judge, time_at
+from epuck_sim.theory.regime import Rise, Verdict, find_rise, judge, time_at
 from epuck_sim.theory.snapshots import GraphMeasures, changed_links, count_components, measure_graphs, take_snapshots
 from epuck_sim.util.messages import comma_list
 
@@ -24,6 +24,11 @@ MOST_AGENTS = 300  # largest swarm of which predictions are made: snapshots are 
 
 LINK_SNAPSHOTS, TRIED_SIDES = 60, tuple(2.0**power for power in range(-9, 1))
 """Snapshots from which the length of links follows, and the distances, in sides, that agents move in a period."""
+
+HOLDS = tuple(2.0**power for power in range(8, -3, -1))
+"""Holds, in cycles, of which chains tell T_sync, from the slowest swarm to the fastest."""
+
+IN_LIMITS = 200  # number of chains in the limits of swarms that stand, and that are fast
 
 BRACKETS = "[]: V_m and V_p within the factor by which trials were off, one standard deviation; else 95 % of chains."
 
@@ -119,8 +124,10 @@ def predictor(scenario: Scenario) -> Callable[[float], Prediction]:
     agents, period_s = scenario.population, scenario.scales["tau"]
     snapshots = take_snapshots(scenario, max(20, min(SNAPSHOTS, CELLS // agents**2)))
     graph, pair = measure_graphs(snapshots), measure_pair(response, threshold)
-    course = find_course(response, threshold, snapshots, jitter)
-    rise, fast = find_rise(course), course[-1]
+    slower = [find_limit(response, threshold, snapshots, hold, jitter) for hold in HOLDS]
+    fast = find_limit(response, threshold, snapshots, 0.0, jitter, IN_LIMITS)
+    course = [*slower, fast]
+    rise = find_rise(course)
     if isinstance(scenario, ParticleScenario) and isinstance(scenario.neighbourhood, RandomAgents):
         verdict, frozen, frozen_share, link_cm = Verdict("no", 0.0), fast, fast.ended, math.nan
         reason = "No regime: receivers are drawn anew for each pulse, at any speed."

@@ -15,16 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray
 from epuck_sim.estimate import Estimate
-from epuck_sim.particles.phase_response import Response
 from epuck_sim.statistics.survival import QUANTILE
-from epuck_sim.theory.limits import Limit, find_limit
-
-HOLDS = tuple(2.0**power for power in range(8, -3, -1))
-"""Holds, in cycles, of which chains tell T_sync, from the slowest swarm to the fastest."""
-
-IN_LIMITS = 200  # number of chains in the limits of swarms that stand, and that are fast
+from epuck_sim.theory.limits import Limit
 
 EVIDENCE = (-2.9, 3.4, 2.0)
 """Log odds of an intermediate regime: without evidence, and what `Rise.log_ratio` and `Rise.excess` add to them, as
@@ -57,14 +50,8 @@ class Verdict(NamedTuple):
     probability: float
 
 
-def find_course(response: Response, threshold: float, snapshots: BoolArray, jitter: float) -> list[Limit]:
-    """Return T_sync with each hold, from the longest on, and at last in the fast limit."""
-    slower = [find_limit(response, threshold, snapshots, hold, jitter) for hold in HOLDS]
-    return [*slower, find_limit(response, threshold, snapshots, 0.0, jitter, IN_LIMITS)]
-
-
 def find_rise(course: Sequence[Limit]) -> Rise:
-    """Return the rise of a course that is most certain.
+    """Return the most certain rise of a course: T_sync with each hold, from the longest on, at last in the fast limit.
 
     >>> times = {4: 50, 2: 10, 1: 40}
     >>> find_rise([Limit(hold, Estimate(t, t / 1.1, t * 1.1), Estimate(1.0), t) for hold, t in times.items()])[2:]
