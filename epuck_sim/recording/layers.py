@@ -182,7 +182,6 @@ def _floor_and_lamps(arena: Arena) -> Iterator[Chunk]:
 
 
 def _changing_walls(batch: RowBatch) -> Iterator[Chunk]:
-    """Yield walls and obstacles in these rows."""
     rows, arenas = zip(*batch.arenas, strict=True)
     for entity, outlines_of in ((WALLS, _wall_outlines), (OBSTACLES, _obstacle_outlines)):
         outlines = [outlines_of(arena) for arena in arenas]
