@@ -8,16 +8,7 @@ import typer
 
 from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_traceback, reject_first
-from epuck_sim.cli.options import (
-    argument,
-    controllers_option,
-    live_option,
-    more_output_option,
-    option,
-    output_option,
-    scenario_option,
-    sweeps_option,
-)
+from epuck_sim.cli.options import argument, option
 from epuck_sim.recording import Level
 
 runs = typer.Typer()
@@ -29,57 +20,67 @@ def run(
     settings: options.SetOption = None,
     axes: options.AxesOption = None,
     trials: options.TrialsOption = None,
-    seed: Annotated[int | None, scenario_option("N", "Master seed; the scenario's own by default.", min=0)] = None,
+    seed: Annotated[
+        int | None, options.scenario_option("N", "Master seed; the scenario's own by default.", min=0)
+    ] = None,
     controller: options.ControllerOption = None,
     measures: options.MeasureOption = None,
     quick: options.QuickOption = False,
-    out: Annotated[Path | None, output_option("FOLDER", "Run all points and trials into a run folder.")] = None,
-    record: Annotated[Path | None, output_option("FILE.rrd", "Record for rerun's viewer, see `replay`.")] = None,
-    film: Annotated[Path | None, output_option("FILE.mp4", "Film with the camera above the arena.")] = None,
-    live: Annotated[bool, output_option("--live", "Show the trial while it runs.")] = False,
+    out: Annotated[Path | None, options.output_option("FOLDER", "Run all points and trials into a run folder.")] = None,
+    record: Annotated[
+        Path | None, options.output_option("FILE.rrd", "Record for rerun's viewer, see `replay`.")
+    ] = None,
+    film: Annotated[Path | None, options.output_option("FILE.mp4", "Film with the camera above the arena.")] = None,
+    live: Annotated[bool, options.output_option("--live", "Show the trial while it runs.")] = False,
     as_json: options.JsonOption = False,
-    trace: Annotated[Path | None, more_output_option("FILE.parquet", "Write every robot and step.")] = None,
+    trace: Annotated[Path | None, options.more_output_option("FILE.parquet", "Write every robot and step.")] = None,
     memory: Annotated[
         list[str] | None,
-        more_output_option(
+        options.more_output_option(
             "FIELD", "Add a field of the controllers' MEMORY to --trace, --record and --live; repeatable."
         ),
     ] = None,
     relations: Annotated[
-        bool, more_output_option("--relations", "Add to --trace whom each robot sees lit, and whom it touches.")
+        bool, options.more_output_option("--relations", "Add to --trace whom each robot sees lit, and whom it touches.")
     ] = False,
     level: Annotated[
-        Level | None, more_output_option("--record-level", "How much is recorded, or shown live; full by default.")
+        Level | None,
+        options.more_output_option("--record-level", "How much is recorded, or shown live; full by default."),
     ] = None,
     speed: Annotated[
-        float | None, live_option("X", "Speed of --live, relative to real robots; 1 by default.", min=0.01, max=1000)
+        float | None,
+        options.live_option("X", "Speed of --live, relative to real robots; 1 by default.", min=0.01, max=1000),
     ] = None,
     web: options.WebOption = False,
     port: options.PortOption = None,
     interpret: options.InterpretOption = False,
     traceback: Annotated[
-        bool, controllers_option("--traceback", "Print the traceback of what a controller raises; for --interpret.")
+        bool,
+        options.controllers_option("--traceback", "Print the traceback of what a controller raises; for --interpret."),
     ] = False,
     workers: options.WorkersOption = None,
     dask: options.DaskOption = None,
     share: Annotated[
         str | None,
-        sweeps_option("K/N", "Run only share K of N, into a folder of its own; `merge` puts shares together."),
+        options.sweeps_option("K/N", "Run only share K of N, into a folder of its own; `merge` puts shares together."),
     ] = None,
     until: Annotated[
         str | None,
-        sweeps_option("10%", "Add trials until half of each interval's width is 10 % of T_sync, or, as 3, cycles."),
+        options.sweeps_option(
+            "10%", "Add trials until half of each interval's width is 10 % of T_sync, or, as 3, cycles."
+        ),
     ] = None,
     contrast: Annotated[
         str | None,
-        sweeps_option("KEY", "Ask --until of ratios, or differences in cycles, to the first value of an axis."),
+        options.sweeps_option("KEY", "Ask --until of ratios, or differences in cycles, to the first value of an axis."),
     ] = None,
     trial_timeout: Annotated[
-        float | None, sweeps_option("SECONDS", "A trial of a sweep that takes longer has failed; key trial_timeout_s.")
+        float | None,
+        options.sweeps_option("SECONDS", "A trial of a sweep that takes longer has failed; key trial_timeout_s."),
     ] = None,
     take_over: Annotated[
         bool,
-        sweeps_option(
+        options.sweeps_option(
             "--take-over", "Take a run folder over from a process that is gone, on a file system without locks."
         ),
     ] = False,
@@ -95,7 +96,6 @@ def run(
     has_rows = trace is not None or record is not None or live
     is_watched = has_rows or film is not None
     is_one = point is not None or trial is not None
-    endings = (("--trace", trace, ".parquet"), ("--film", film, ".mp4"))
     reject_first(
         (traceback and not interpret, "--traceback is for --interpret: compiled code has none"),
         (traceback and out is not None, "--traceback is for single trials: give --point and --trial, without --out"),
@@ -110,11 +110,9 @@ def run(
             until is not None and share is not None,
             "--until and --share exclude each other: a look at a point takes all its trials",
         ),
-        *(
-            (path is not None and path.suffix != ending, f"{option} is {path}; allowed: a name that ends in {ending}")
-            for option, path, ending in endings
-        ),
     )
+    outputs = {"--trace": (trace, [".parquet"]), "--film": (film, [".mp4"])}
+    options.check_outputs({}, outputs, dict.fromkeys(outputs, ()))  # whether these can be written is known with trials
     from epuck_sim.cli.trials import Watched, chosen_trials, run_trials, sweep_into
     from epuck_sim.runs import folder as run_folder
     from epuck_sim.scenario.loader import find_scenario

@@ -15,17 +15,8 @@ from scipy.stats import norm
 from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Table
 from epuck_sim.estimate import LEVEL
+from epuck_sim.replication import verdicts
 from epuck_sim.replication.claims import Check, Claim, Claims
-from epuck_sim.replication.verdicts import (
-    Answer,
-    Finding,
-    Verdict,
-    chosen_points,
-    judge_claims,
-    p_values,
-    run_check,
-    taken,
-)
 from epuck_sim.runs.compatibility import read_stored_points
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import DATABASE
@@ -68,7 +59,7 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim]) -> dict[str, Scenario
         with refused_at(f"claim {claim.id}"):
             for check in claim.checks:
                 if claim.sweep is not None and check.test != "formula":
-                    chosen_points(check, swept[claim.sweep])
+                    verdicts.chosen_points(check, swept[claim.sweep])
     return scenarios
 
 
@@ -82,7 +73,7 @@ class Trials:
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
         """Return the points of a sweep, with what a check takes of their measure; raise StoreError as `read_points`."""
         points = read_points(self.folders[sweep], check.of if check else None)
-        return taken(check, points) if check else points
+        return verdicts.taken(check, points) if check else points
 
     def effort(self, sweep: str) -> tuple[float, int]:
         """Return the computing time of a sweep's trials together, s, and the number of those that failed."""
@@ -90,11 +81,13 @@ class Trials:
         return status.wall_s, len(status.failed)
 
 
-def check_claim(claim: Claim, trials: Trials) -> list[Finding]:
+def check_claim(claim: Claim, trials: Trials) -> list[verdicts.Finding]:
     """Run the checks of a claim on the trials that are stored."""
     with refused_at(f"claim {claim.id}"):
         return [
-            run_check(check, trials.read(claim.sweep, check) if claim.sweep and check.test != "formula" else [])
+            verdicts.run_check(
+                check, trials.read(claim.sweep, check) if claim.sweep and check.test != "formula" else []
+            )
             for check in claim.checks
         ]
 
@@ -136,9 +129,9 @@ class Decider:
         self._scenarios, self._trials = scenarios, Trials(folders)
         self._findings = {claim.id: (claim, check_claim(claim, self._trials)) for claim in chosen}
 
-    def answers(self) -> list[Answer]:
+    def answers(self) -> list[verdicts.Answer]:
         """Return the answers after the last looks."""
-        return judge_claims([*self._findings.values()], LOOKS)
+        return verdicts.judge_claims([*self._findings.values()], LOOKS)
 
     def run(self, add: Callable[[str, Scenario], None], budget_s: float) -> Iterator[str]:
         """Add trials until all is decided, no look is left, or none whose cost is within a budget of computing time.
@@ -165,8 +158,8 @@ class Decider:
         How many trials decide a claim follows from its effects: deviations from a threshold, in standard errors, grow
         with the root of the number of trials. A sweep whose points scatter too much is not looked at for that claim.
         """
-        answers = [each for each in self.answers() if each.verdict == Verdict.UNDECIDED]
-        tests = sum(judged.verdict == Verdict.UNDECIDED for each in answers for judged in each.checks)
+        answers = [each for each in self.answers() if each.verdict == verdicts.Verdict.UNDECIDED]
+        tests = sum(judged.verdict == verdicts.Verdict.UNDECIDED for each in answers for judged in each.checks)
         found = []
         for name, scenario in self._scenarios.items():
             asked = [each for each in answers if each.claim.sweep == name and not _needs_points(each)]
@@ -202,18 +195,18 @@ class Decider:
         return Table(title if rows else "No claim is undecided that may be looked at again", rows, notes, headings)
 
 
-def _needs_points(answer: Answer) -> bool:
+def _needs_points(answer: verdicts.Answer) -> bool:
     """Return whether all tests that are undecided are of points that scatter by far more than their errors."""
-    undecided = [judged for judged in answer.checks if judged.verdict == Verdict.UNDECIDED]
+    undecided = [judged for judged in answer.checks if judged.verdict == verdicts.Verdict.UNDECIDED]
     return bool(undecided) and all(judged.effect.is_scattered for judged in undecided)
 
 
-def _growth_needed(checks: Sequence[Finding], tests: int) -> float:
+def _growth_needed(checks: Sequence[verdicts.Finding], tests: int) -> float:
     """Return how many times as many trials decide a claim, if effects stay: all its checks for it, or one against."""
     boundary = look_boundary(relative_sizes(LOOKS), 1 - (1 - LEVEL) / tests)
     shown, refuted = 1.0, math.inf
     for judged in checks:
-        for_it, against = p_values(judged.check, judged.effect)
+        for_it, against = verdicts.p_values(judged.check, judged.effect)
         deviation = float(norm.isf(judged.p_value / 2))
         growth = (boundary / deviation) ** 2 if deviation > 0 else math.inf
         if for_it < against:
