@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.scenario.base import ALLOWED, ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, problems_in
 from epuck_sim.scenario.yaml_io import read_yaml
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean
 
 SHIPPED = Path(__file__).with_name("claims.yaml")  # the claims of the thesis
 
@@ -246,18 +246,9 @@ def read_claims(path: Path = SHIPPED) -> Claims:
 
 
 def _message(path: Path, given: Any, error: ValidationError) -> str:
-    """Return pydantic's first error as file: claim: key: what is wrong."""
-    detail = error.errors()[0]
-    location = list(detail["loc"])
-    if location[:1] == ["claims"] and len(location) > 1:  # a claim is found by its id
-        claim = given["claims"][location[1]]
-        location[:2] = [claim.get("id", location[1]) if isinstance(claim, dict) else location[1]]
-    what = detail["msg"].removeprefix("Value error, ")
-    if detail["type"] == "extra_forbidden":
-        what = f"unknown key {location[-1]!r}"
-    elif detail["type"] == "missing":
-        what = "is missing"
-    elif detail["type"] != "value_error":
-        allowed = ALLOWED.get(detail["type"], "another kind of value").format(**detail.get("ctx", {}))
-        what = f"is {short_repr(detail['input'])}; allowed: {allowed}"
-    return ": ".join(part for part in (str(path), ".".join(map(str, location)), what) if part)
+    """Return the first of what is wrong as file: claim: key: what is wrong; a claim is found by its id."""
+    _, said = next(problems_in(Claims, error))
+    if in_claim := re.match(r"claims\.(\d+)", said):
+        claim = given["claims"][int(in_claim[1])]
+        said = f"{claim.get('id', in_claim[1]) if isinstance(claim, dict) else in_claim[1]}{said[in_claim.end() :]}"
+    return f"{path}: {said}"
