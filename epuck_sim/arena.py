@@ -10,14 +10,8 @@ from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.geometry import contains, polygon_distance_cm
 
 PATCH = np.dtype(
-    [
-        ("brightness", np.float64),
-        ("x", np.float64),
-        ("y", np.float64),
-        ("radius", np.float64),
-        ("first_edge", np.int64),
-        ("edge_count", np.int64),
-    ]
+    [(name, np.float64) for name in ("brightness", "x", "y", "radius")]
+    + [(name, np.int64) for name in ("first_edge", "edge_count")]
 )
 """A patch of a floor: brightness from 0, black, to 1, white; of a disc centre and radius in cm; of a convex polygon the
 mean of its corners, radius 0, and which of the floor's edges are its own."""
@@ -83,13 +77,11 @@ def make_arena(
     circles: Sequence[Sequence[float]],
     polygons: Sequence[FloatArray],
     movables: Sequence[Sequence[float]] = (),
-    floor: Floor | None = None,
-    lamps: Sequence[Sequence[float]] = (),
 ) -> Arena:
-    """Return the arena with the given obstacles, movables, floor and lamps; the floor is white by default.
+    """Return the arena with the given obstacles and movables, a white floor and no lamps.
 
     Lengths are in cm: round obstacles are (x, y, radius) each, convex ones (v, 2) corners counter-clockwise, movables
-    (x, y, radius, mass in g, friction), and lamps (x, y, height, strength).
+    (x, y, radius, mass in g, friction).
     """
     pushed = np.array(movables, float).reshape(-1, 5)
     return Arena(
@@ -99,8 +91,6 @@ def make_arena(
         tuple(polygons),
         _edges(polygons),
         pushed[:, 3:],
-        floor or Floor(),
-        np.array(lamps, float).reshape(-1, 4),
     )
 
 

@@ -4,8 +4,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-LEVEL = 0.95
-"""Probability with which an interval is meant to hold the truth."""
+LEVEL = 0.95  # probability with which an interval is meant to hold the truth
 
 MIN_TRIALS = 5
 """Fewest trials with an interval.
@@ -14,8 +13,7 @@ With 5 trials of skewed distributions intervals of the mean hold the truth in 90
 times as wide as the mean; with 3 they are 3 to 8 times as wide, and tell nothing (docs/statistics.md).
 """
 
-DIGITS = 3
-"""Significant digits of numbers that people read; JSON has all of them."""
+DIGITS = 3  # significant digits of numbers that people read; JSON has all of them
 
 PLAIN = (1e-4, 1e7)
 """Ends of the range of sizes whose numbers are written out; others have a power of ten."""
@@ -66,8 +64,7 @@ class Estimate(NamedTuple):
         return "{} [{}, {}]".format(*(significant(end, decimals) for end in self.ends))
 
 
-UNDETERMINED = Estimate(math.nan)
-"""Estimate of a number of which nothing is known."""
+UNDETERMINED = Estimate(math.nan)  # of a number of which nothing is known
 
 
 def significant(number: float, decimals: int | None = None) -> str:

@@ -2,6 +2,7 @@
 and the light of lamps."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,11 +125,11 @@ def test_a_picture_is_stretched_between_the_walls_and_a_floor_is_white_without_o
     assert brightness_at(arena, [[0, 30], [60, 99]], 7.0).tolist() == [[1, 1], [1, 1]]
     assert light_at(arena, [0, 30], [0, 20]).tolist() == [0, 0]
     ladder = np.array([(0, 51, 102), (153, 204, 255)], np.uint8)  # 0, 0.2, 0.4 above 0.6, 0.8, 1
-    arena = make_arena(90, 40, [], [], floor=make_floor(1, [(0.5, (45, 20, 1))], ladder))
+    arena = replace(make_arena(90, 40, [], []), floor=make_floor(1, [(0.5, (45, 20, 1))], ladder))
     x, y = np.array([5, 45, 85, 85, 45, 5, 45, -9, 99]), np.array([39, 21.5, 39, 1, 1, 1, 20, 50, -1])
     expected = [0, 0.2, 0.4, 1, 0.8, 0.6, 0.5, 0, 1]
     np.testing.assert_allclose(brightness_at(arena, x, y), expected, atol=1e-15)
-    bare = make_arena(90, 60, [], [], floor=make_floor(1, [], ladder))
+    bare = replace(make_arena(90, 60, [], []), floor=make_floor(1, [], ladder))
     np.testing.assert_array_equal(floor_levels(bare, 3), ladder)
 
 
@@ -153,7 +154,7 @@ def test_brightness_is_that_of_a_slow_twin(seed):
         corners = centre + radius * ring(random.integers(3, 7), first=random.uniform(0, 7))
         patches.append((random.random(), corners if random.random() < 0.5 else [*centre, radius]))
     picture = random.integers(0, 256, random.integers(1, 9, 2)).astype(np.uint8) if random.random() < 0.5 else None
-    arena = make_arena(width, height, [], [], floor=make_floor(brightness, patches, picture))
+    arena = replace(make_arena(width, height, [], []), floor=make_floor(brightness, patches, picture))
     points = random.uniform(0, (width, height), (30, 2))
     slow = [_slow_brightness(point, width, height, brightness, patches, picture) for point in points]
     np.testing.assert_allclose(brightness_at(arena, *points.T), slow, rtol=1e-15)
@@ -168,4 +169,6 @@ def test_light_is_that_of_rays_from_each_lamp(seed):
     for point in points:
         ways = [math.dist((*point, 0), lamp[:3]) for lamp in lamps]
         slow.append(sum(s * h**2 / way**2 * (h / way) for (_, _, h, s), way in zip(lamps, ways, strict=True)))
-    np.testing.assert_allclose(light_at(make_arena(100, 100, [], [], lamps=lamps), *points.T), slow, rtol=1e-12)
+    np.testing.assert_allclose(
+        light_at(replace(make_arena(100, 100, [], []), lamps=np.reshape(lamps, (-1, 4))), *points.T), slow, rtol=1e-12
+    )

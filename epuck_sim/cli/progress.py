@@ -70,7 +70,6 @@ class TrialProgress(_ProgressLine):
         self._trials = trials
         self._stop = stop
         self._trial = 0
-        self._began = 0.0
         self._is_ready, self._is_over = threading.Event(), threading.Event()
         self._at_work: AtWork | None = None
         self._looks = threading.Thread(target=self._tell_of_what_takes_long, daemon=True)

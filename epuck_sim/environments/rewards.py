@@ -88,10 +88,7 @@ def coverage(situation: Situation) -> FloatArray:
 
 def _distances_cm(points: FloatArray, poses: FloatArray) -> FloatArray:
     """Return (..., points, robots) the distance of each point from each robot's centre."""
-    distances: FloatArray = np.hypot(
-        points[..., :, None, 0] - poses[..., None, :, 0], points[..., :, None, 1] - poses[..., None, :, 1]
-    )
-    return distances
+    return np.hypot(points[..., :, None, 0] - poses[..., None, :, 0], points[..., :, None, 1] - poses[..., None, :, 1])
 
 
 REWARDS: dict[str, SituationFunction] = {"synchrony": synchrony, "aggregation": aggregation, "coverage": coverage}

@@ -40,8 +40,7 @@ class Effect(NamedTuple):
     """Effect that a test finds in the trials of some points."""
 
     estimate: Estimate
-    p_above: Callable[[float], float]
-    """One-sided p-value of an effect above a threshold."""
+    p_above: Callable[[float], float]  # one-sided p-value of an effect above a threshold
     p_below: Callable[[float], float]  # the same for an effect below it
     is_scattered: bool = False
     """Whether points scatter so much about a line that more trials of them would tell little more: `SCATTERED`."""

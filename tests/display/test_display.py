@@ -5,6 +5,7 @@ import json
 import math
 import re
 from base64 import b64decode
+from dataclasses import replace
 from io import StringIO
 from xml.etree.ElementTree import fromstring
 
@@ -77,7 +78,7 @@ NOBODY = np.empty((0, 3)), 3.7, np.empty(0, bool)
 
 def test_patches_lie_in_their_order_below_everything_and_end_at_the_walls() -> None:
     floor = make_floor(0.8, [(0, (10, 30, 5)), (1, SQUARE), (0.5, (59, 1, 9))])
-    drawn = draw_arena(make_arena(60, 40, [(30, 30, 5)], [], floor=floor), *NOBODY)
+    drawn = draw_arena(replace(make_arena(60, 40, [(30, 30, 5)], []), floor=floor), *NOBODY)
     ground, walls, obstacle = drawn
     assert (ground.tag, ground.get("viewBox"), ground.get("y"), walls.tag) == ("svg", "0 0 60 40", "0", "polygon")
     fills = {"rect": "#cccccc", "circle": "#000000", "polygon": "#ffffff"}
@@ -90,7 +91,7 @@ def test_patches_lie_in_their_order_below_everything_and_end_at_the_walls() -> N
 
 def test_a_picture_of_the_floor_and_lamps_that_say_how_high_and_how_strong_they_are_are_shown() -> None:
     levels = np.array([[0, 100, 200], [50, 150, 250]], np.uint8)
-    arena = make_arena(60, 40, [], [], floor=make_floor(1, [(0.5, (30, 20, 5))], levels))
+    arena = replace(make_arena(60, 40, [], []), floor=make_floor(1, [(0.5, (30, 20, 5))], levels))
     picture, patch = draw_arena(arena, *NOBODY)[0]
     kind, _, coded = picture.get("href").partition(",")
     shown = cv2.imdecode(np.frombuffer(b64decode(coded), np.uint8), cv2.IMREAD_UNCHANGED)
@@ -98,7 +99,7 @@ def test_a_picture_of_the_floor_and_lamps_that_say_how_high_and_how_strong_they_
     assert (picture.get("width"), picture.get("height"), patch.get("fill")) == ("60", "40", "#808080")
     assert shown.shape == (213, 320)
     np.testing.assert_array_equal(shown[53::107, 53::107], levels)
-    drawn = draw_arena(make_arena(60, 40, [], [], lamps=[(10, 30, 25, 2)]), *NOBODY)
+    drawn = draw_arena(replace(make_arena(60, 40, [], []), lamps=np.array([(10, 30, 25, 2)], float)), *NOBODY)
     (lamp,) = drawn.findall("g")
     dot = lamp.find("circle")
     assert lamp.find("title").text == "lamp: 25 cm, strength 2"

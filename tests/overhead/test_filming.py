@@ -1,6 +1,7 @@
 """A trial that runs and its recording give the same film, whose pictures are as the camera model has them."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -368,7 +369,7 @@ def test_bodies_stand_upright_with_marks_that_point_ahead_hide_others_and_are_cu
 
 def test_a_floor_is_as_grey_as_it_is_bright_and_ambient_light_shows_the_room_as_in_the_light_but_darker() -> None:
     picture = np.array([[0, 255]], np.uint8)
-    arena = make_arena(60, 60, [], [], floor=make_floor(1, [(0.2, (50, 50, 5)), (0.6, (59, 30, 4))], picture))
+    arena = replace(make_arena(60, 60, [], []), floor=make_floor(1, [(0.2, (50, 50, 5)), (0.6, (59, 30, 4))], picture))
     camera, grey = shot(arena=arena, room=True)
     for place, level in {
         (10, 30): 0,
@@ -384,7 +385,9 @@ def test_a_floor_is_as_grey_as_it_is_bright_and_ambient_light_shows_the_room_as_
 
 def test_lamps_are_bright_dots_where_the_camera_sees_them_in_the_light() -> None:
     """The camera hangs 110 cm above (30, 30), so that a lamp at half of that seems twice as far from there."""
-    arena = make_arena(60, 60, [], [], lamps=[(40, 30, 55, 1), (30, 35, 0.1, 2), (20, 20, 110, 1)])
+    arena = replace(
+        make_arena(60, 60, [], []), lamps=np.array([(40, 30, 55, 1), (30, 35, 0.1, 2), (20, 20, 110, 1)], float)
+    )
     camera, grey = shot((30, 35, 0), arena=arena, room=True, lit=False)
     shown = np.zeros(grey.shape[:2], bool)
     for x, y, radius in ((50, 30, 1.5), (30, 35, 0.75)):
