@@ -67,7 +67,6 @@ def _of_yaml(place: Place) -> str:
 
 
 def _of_python(place: Place) -> str:
-    """Return the first line of a file's docstring."""
     source = (place.path or Path()).read_text(encoding="utf-8")
     return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
 

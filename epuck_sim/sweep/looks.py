@@ -48,7 +48,6 @@ class Looks:
         With `contrast`, an axis or an ending of its key, ratios, or differences, to its first value are asked.
         """
         self._precision, self._key = Precision.parse(until), contrast
-        self._last: list[Look] = []
         self.narrow = 0
         """Number of points whose intervals are narrow enough."""
 
