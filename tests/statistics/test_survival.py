@@ -41,13 +41,6 @@ def weibull_trials(seed, n=200, scale=50.0, shape=1.2, censored=0.0, whole=False
     return np.minimum(times, limit), times <= limit
 
 
-def messy_trials(seed, n=80):
-    """Return whole cycles with ties, censored at random times and at a limit."""
-    random = np.random.default_rng(seed)
-    times, limits = np.ceil(30 * random.weibull(1.3, n)), np.minimum(random.integers(1, 80, n), 50)
-    return np.minimum(times, limits).astype(float), times <= limits
-
-
 @given(trials)
 def test_the_estimate_is_appendix_a_done_trial_by_trial(given_trials):
     curve = make_curve(*given_trials)
@@ -68,7 +61,10 @@ def test_the_median_is_halfway_from_the_time_when_half_of_the_trials_are_left_to
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_median_and_its_interval_are_lifelines(seed):
-    times, observed = messy_trials(seed, n=[21, 41, 81][seed % 3])
+    """Whole cycles have ties, and are censored at random times and at a limit."""
+    random, n = np.random.default_rng(seed), [21, 41, 81][seed % 3]
+    ends, limits = np.ceil(30 * random.weibull(1.3, n)), np.minimum(random.integers(1, 80, n), 50)
+    times, observed = np.minimum(ends, limits).astype(float), ends <= limits
     fitter = KaplanMeierFitter().fit(times, observed)
     interval = median_survival_times(fitter.confidence_interval_).to_numpy().ravel()
     assert median_time(times, observed) == pytest.approx((fitter.median_survival_time_, *interval))
