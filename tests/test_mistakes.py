@@ -88,6 +88,7 @@ MAKERS: dict[str, Callable[[Path], object]] = {
     "half.rrd": half_a_recording,
     "swept": stored(partial(weibull, mean=4), {SPEED: [1, 4, 8]}, 3, "short", **SHORT),
     "share": lambda path: call("run", "pair", "--trials", "20", "--share", "1/20", "--out", path),
+    "one": lambda path: call("run", "particles", "--set", "stop.max_cycles=2", "--out", path),
     "damaged": damaged,
     "without": without_database,
     "foreign": partial(without_database, contents_of_it="mine"),

@@ -124,10 +124,6 @@ def test_check_and_sweeps_say_what_points_and_trials_take_and_too_much_memory_is
     assert result.exit_code == 0
     assert result.stderr.startswith("particles: 3 points, 6 trials: about 0.87 kB on disk\n")
     assert json.loads(result.stdout)["stored"] == 6
-    assert call("run", "particles", "--set", "stop.max_cycles=2", "--out", tmp_path / "one").exit_code == 0
-    result = call("run", "pair", "--out", tmp_path / "one")
-    assert result.exit_code == 2
-    assert "  model: 'particles' in the folder, 'embodied' now\n" in result.stderr
     monkeypatch.setattr("epuck_sim.util.machine.available_bytes", lambda: 1000)
     monkeypatch.setattr("epuck_sim.sweep.demand.available_bytes", lambda: 1000)
     (tmp_path / "new").mkdir()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from epuck_sim import ScenarioError, Simulation, load_scenario, points
+from epuck_sim import Simulation, load_scenario, points
 from epuck_sim.arena import clearance_cm, make_arena
 from epuck_sim.embodied import start
 from epuck_sim.embodied.loop import act, stop_and_release, tick
@@ -120,9 +120,6 @@ def test_robots_that_pass_through_each_other_may_begin_and_join_at_one_place():
     joins = {"at_s": 1, "add": [2], "poses": [[30, 30, 0]]}
     swarm = Simulation({"robots": robots, "contact": {"robots": False}, "schedule": [joins]}, 1)
     assert np.isfinite(swarm.advance(20).poses).all()
-    into_a_wall = {"robots": robots, "contact": {"robots": False}, "schedule": [{**joins, "poses": [[3, 30, 0]]}]}
-    with pytest.raises(ScenarioError, match=r"robot 2 cannot come to \[3, 30\]"):
-        Simulation(into_a_wall, 1).advance(20)
 
 
 def test_phases_may_be_given_all_else_is_as_the_controller_starts_and_another_one_gets_what_it_can_remember() -> None:
