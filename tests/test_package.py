@@ -133,9 +133,9 @@ def test_controllers_and_measures_of_a_scenario_may_be_paths(tmp_path) -> None:
 
 
 def test_a_single_text_is_no_list_of_settings() -> None:
-    for given in (3, ("trials", 3)):
+    for given in ([3], [("trials", 3)], {"trials": 3}):
         with pytest.raises(ScenarioError, match=r"^settings is .*; allowed: a list of such texts$"):
-            load_scenario("thesis", [given])
+            load_scenario("thesis", given)
     for option in ("settings", "axes"):
         with pytest.raises(ScenarioError, match=f"^{option} is 'arena.width_cm=100'; allowed: a list of such texts$"):
             load_scenario("thesis", **{option: "arena.width_cm=100"})

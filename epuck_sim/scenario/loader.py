@@ -135,7 +135,7 @@ def load_scenario(
     100.0
     """
     for name, texts, kind in (("settings", settings, str), ("axes", axes, str), ("measures", measures, str | Path)):
-        if isinstance(texts, str | Path) or not all(isinstance(each, kind) for each in texts):
+        if isinstance(texts, str | Path | Mapping) or not all(isinstance(each, kind) for each in texts):
             raise ScenarioError(f"{name} is {texts!r}; allowed: a list of such texts")
     if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
         return complete(source, source.name)
