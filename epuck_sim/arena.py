@@ -10,8 +10,7 @@ from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.geometry import contains, polygon_distance_cm
 
 PATCH = np.dtype(
-    [(name, np.float64) for name in ("brightness", "x", "y", "radius")]
-    + [(name, np.int64) for name in ("first_edge", "edge_count")]
+    [("brightness", "f8"), ("x", "f8"), ("y", "f8"), ("radius", "f8"), ("first_edge", "i8"), ("edge_count", "i8")]
 )
 """A patch of a floor: brightness from 0, black, to 1, white; of a disc centre and radius in cm; of a convex polygon the
 mean of its corners, radius 0, and which of the floor's edges are its own."""

@@ -177,11 +177,13 @@ class SweepProgressBar(_ProgressLine):
 
     def _note(self, point: "Point", *, is_censored: bool) -> None:
         """Take note of a trial of a point, and say so if enough of them, and no other one, have reached their limit."""
+        count = self._at_limit.get(point.number, 0) + (1 if is_censored else -math.inf)
+        self._at_limit[point.number] = count
+        if count < 0:
+            return
         from epuck_sim.cli.tables import describe_at_limit
         from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
 
-        count = self._at_limit.get(point.number, 0) + (1 if is_censored else -math.inf)
-        self._at_limit[point.number] = count
         if count == min(FEW_TRIALS, point.scenario.trials):
             for line in describe_at_limit([PointAtLimit(point.number, point.axes, int(count))]):
                 print_stderr(line)

@@ -129,23 +129,22 @@ class New(NamedTuple):
     """A kind of file that `new` writes."""
 
     ending: str
-    command: str  # what tries it, with NAME and FILE; empty where no command does
+    trial: str  # how it is tried, with NAME and FILE
     example: str  # a name for one
 
 
+IN_PYTHON = 'in Python: from epuck_sim.environments import vector_env; vector_env("thesis", 8, reward="FILE")'
 NEW = {
-    "scenario": New(".yaml", "run FILE", "pillar-80"),
-    "controller": New(".py", "run thesis --controller FILE", "wanderer"),
-    "measure": New(".py", "run thesis --measure FILE", "coverage"),
-    "sensor": New(".py", 'run thesis --set "robots.0.sensors=[FILE]" --trace NAME.parquet', "ground"),
-    "robot": New(".yaml", "run thesis --set robot=FILE", "cart"),
-    "curve": New(".py", "run particles --set response.curve=FILE", "bent"),
-    "reward": New(".py", "", "together"),
-    "claims": New(".yaml", "replicate --claims FILE --out NAME", "couplings"),
+    "scenario": New(".yaml", "epuck-sim run FILE", "pillar-80"),
+    "controller": New(".py", "epuck-sim run thesis --controller FILE", "wanderer"),
+    "measure": New(".py", "epuck-sim run thesis --measure FILE", "coverage"),
+    "sensor": New(".py", 'epuck-sim run thesis --set "robots.0.sensors=[FILE]" --trace NAME.parquet', "ground"),
+    "robot": New(".yaml", "epuck-sim run thesis --set robot=FILE", "cart"),
+    "curve": New(".py", "epuck-sim run particles --set response.curve=FILE", "bent"),
+    "reward": New(".py", IN_PYTHON, "together"),
+    "claims": New(".yaml", "epuck-sim replicate --claims FILE --out NAME", "couplings"),
 }
 """The kinds of files that `new` writes."""
-
-IN_PYTHON = 'in Python: from epuck_sim.environments import vector_env; vector_env("thesis", 8, reward="FILE")'
 
 
 def _command_for(kind: str) -> Callable[[str], None]:
@@ -181,5 +180,4 @@ def _write_new(kind: str, name: str) -> None:
     template = (builtin_folder(TEMPLATES) / f"{kind}{new.ending}").read_text(encoding="utf-8")
     with atomic_write(Path(file)) as part:
         part.write_text(template.replace("NAME", name), encoding="utf-8")
-    command = f"epuck-sim {new.command}" if new.command else IN_PYTHON
-    typer.echo(f"{file}: try it: {command.replace('NAME', name).replace('FILE', file)}")
+    typer.echo(f"{file}: try it: {new.trial.replace('NAME', name).replace('FILE', file)}")

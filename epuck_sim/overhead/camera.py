@@ -275,9 +275,11 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
             "--board (squares across and down), light it evenly, and show it in all parts of the picture and tilted"
         )
     try:
-        *_, errors_px = _fit_lens(views, size_px, is_fisheye)
-        views = list(compress(views, errors_px <= MAX_MISFIT * np.median(errors_px)))
-        error, matrix, terms, _ = _fit_lens(views, size_px, is_fisheye)
+        error, matrix, terms, errors_px = _fit_lens(views, size_px, is_fisheye)
+        is_right = errors_px <= MAX_MISFIT * np.median(errors_px)
+        if not is_right.all():
+            views = list(compress(views, is_right))
+            error, matrix, terms, _ = _fit_lens(views, size_px, is_fisheye)
         halves = [_fit_lens(views[first::2], size_px, is_fisheye)[1] for first in (0, 1)]
         if not all(abs(half[0, 0] / matrix[0, 0] - 1) <= UNSURE_FOCUS for half in halves):
             raise ValueError("half of the views give another lens")  # noqa: TRY301 is undetermined, too

@@ -258,8 +258,9 @@ def doubts(evidence: Evidence) -> list[str]:
             "or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and more "
             "frames per second, or give the corners by --corners"
         )
-    ring_size, seen_cm = geometry.ring_size, [ring.radius_cm for rings in counted.rings for ring in rings]
-    if math.isnan(ring_size) and seen_cm:  # described: the film may have been scaled or cropped since
+    ring_size = geometry.ring_size
+    if math.isnan(ring_size) and any(counted.rings):  # described: the film may have been scaled or cropped since
+        seen_cm = [ring.radius_cm for rings in counted.rings for ring in rings]
         ring_size = float(np.median(seen_cm)) / epuck.RING_RADIUS_CM
     if geometry.knows_floor and abs(ring_size - 1) > WRONG_SIZE:
         found.append(

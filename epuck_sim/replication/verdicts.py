@@ -208,13 +208,15 @@ def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
 
     known_as = measure_of(points[0]) if points else None
     over_cycles = known_as is None or known_as.over == "cycle"
-    place = slice(None) if over_cycles else {"first": slice(1), "final": slice(-1, None)}.get(name, slice(None))
 
     def reduced(series: Value) -> float | None:
-        given = series[place] if isinstance(series, list) else []
+        given = series if isinstance(series, list) else []
+        if not over_cycles and name in ("first", "final"):
+            given = given[:1] if name == "first" else given[-1:]
         known = [each for each in given if each is not None]
-        is_enough = known if over_cycles else len(known) == len(given) > 0  # no threshold stands for another one
-        value = REDUCTIONS[name](known) if is_enough else math.nan
+        if not known or (not over_cycles and len(known) < len(given)):  # no threshold stands for another one
+            return None
+        value = REDUCTIONS[name](known)
         return None if math.isnan(value) else value
 
     return [point._replace(measured=tuple(map(reduced, point.measured))) for point in points]

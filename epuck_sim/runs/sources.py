@@ -261,8 +261,9 @@ def trust(folder: Path) -> None:
 
 def ask_for_trust(path: Path, *, trusted: bool = False) -> None:
     """Raise StoreError for code in a run folder that its user does not trust; with `trusted`, trust it from now on."""
-    folder = next((each for each in path.parents if (each / DATABASE).is_file()), None)
-    if folder is None or path.suffix not in CODE:
+    folders = path.parents if path.suffix in CODE else ()
+    folder = next((each for each in folders if (each / DATABASE).is_file()), None)
+    if folder is None:
         return
     if trusted:
         trust(folder)

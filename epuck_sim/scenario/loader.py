@@ -248,8 +248,7 @@ def _full_keys(
     """Return the keys of a scenario with further axes that a typed key stands for, see `keys.full_keys`; or itself."""
     model = given.get("model", "embodied")
     kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
-    groups = given.get("robots") or ()
-    if typed == "sensors" and are_groups(groups) and len(groups) > 1:
+    if typed == "sensors" and are_groups(groups := given.get("robots") or ()) and len(groups) > 1:
         warnings.warn(f"{where}: sensors stands for those of all {len(groups)} groups of robots", stacklevel=3)
     if kind is None or typed == "sensors" or typed.partition(".")[0] in kind.model_fields:
         return [typed]

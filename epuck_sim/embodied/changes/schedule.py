@@ -95,9 +95,10 @@ def put_in(
         else:
             pose = poses[number]
             x, y, radius_cm = float(pose[0]), float(pose[1]), float(record.radius_cm) - start.TOLERANCE_CM
-            is_free = start.clearance_cm(swarm, x, y, swarm.scene[0].circles) >= radius_cm - start.TOLERANCE_CM
             if scenario.contact.robots:
                 is_free = start.is_free(swarm, x, y, radius_cm)
+            else:  # robots pass through each other
+                is_free = start.clearance_cm(swarm, x, y, swarm.scene[0].circles) >= radius_cm - start.TOLERANCE_CM
             if not is_free:
                 raise ScenarioError(
                     f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an "
