@@ -258,6 +258,13 @@ def test_an_offset_law_without_noise_is_recovered(factor, offset):
     assert fit.r_squared == pytest.approx(1)
 
 
+def test_r_squared_of_an_offset_law_is_that_of_a_weighted_correlation():
+    values, resampled = noisy(1e-3 * TERM + 30, 0.3, 3)
+    deviations = np.cov(TERM, values, aweights=1 / resampled.var(axis=0, ddof=1))
+    r_squared = deviations[0, 1] ** 2 / (deviations[0, 0] * deviations[1, 1])
+    assert fit_offset_law(PARAMETERS, values, resampled).r_squared == pytest.approx(r_squared)
+
+
 @pytest.mark.parametrize("model", LAWS)
 def test_every_law_is_compared_with_the_thesis_where_it_names_an_exponent(model):
     laws = LAWS[model]
