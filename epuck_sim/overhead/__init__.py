@@ -1,8 +1,8 @@
 """The camera above the arena (thesis 4.3): the tracker of flashes in any film, and films of trials.
 
-A neighbour of the simulator. `render`, `filming` and `compare` may import recording, trial, the models and scenario;
-all else knows nothing of them but the section `overhead` of scenarios, which describes a camera. Never runs, sweep or
-statistics. A map is in docs/architecture.md.
+A program beside the simulator. `render`, `filming` and `compare` may import recording, trial, the models and scenario;
+of these, the other modules import only the section `overhead` of scenarios, which describes a camera. No module imports
+runs, sweep or statistics. A map is in docs/architecture.md.
 """
 
 LEAST_ORDER = 0.5  # least order parameter that may count as that of synchrony; a swarm at random often has less

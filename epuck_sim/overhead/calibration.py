@@ -1,7 +1,7 @@
 """Determines which camera took a film: from the user's options, the film's own description, or its pictures.
 
-A lens that bends straight lines and a camera that hangs askew show rings larger or smaller, and flattened, from place
-to place. So rings tell the distortion and the tilt; corners tell the place of the floor.
+The distortion of the lens and the tilt of the camera change the size and the flattening of rings from place to place.
+So rings determine the distortion and the tilt; corners determine the place of the floor.
 """
 
 import math
@@ -45,36 +45,36 @@ RINGS = "the size and shape of the rings, with the camera aimed at the arena's m
 
 LIT_FRAMES = 30  # frames of a lit beginning in which the floor is searched: in some, a hand may hide its corners
 AGREE_PX = 2.0  # largest distance of the floor's corners in two frames in a row; those of lamps that flicker move
-MAX_TILT_DEG = 75.0  # largest angle between a camera's axis and straight down; from farther aside the floor is a line
+MAX_TILT_DEG = 75.0  # largest angle between a camera's axis and straight down; beyond it, the floor looks like a line
 STUDIED_FRAMES = 400  # dark frames in which rings are studied; a swarm has then flashed a few times
 MIN_HEIGHT_CM = 10.0  # minimum height of a camera above the floor: twice the height of robots
 
 # rings of unknown size
 MIN_RADIUS_PX = 5.0  # radius of the smallest ring that is searched; the hollow of smaller ones is lost
 MAX_RADIUS = 0.2  # radius of the largest ring that is searched, as a fraction of the picture's shorter side
-STEP = 1.18  # ratio of one radius that is searched to the next; a ring is found from 0.8 to 1.2 times a radius
-APART_S = 0.2  # time between pictures that are examined, unless more light comes on: one or two show a flash
-SURVEYED = 6  # pictures with rings in which all sizes are searched; later only those that were found
+STEP = 1.18  # ratio of successive radii that are searched; a ring is found from 0.8 to 1.2 times a radius
+APART_S = 0.2  # time between examined pictures, unless more light comes on: one or two of them show a flash
+SURVEYED = 6  # pictures with rings in which all sizes are searched; later only sizes that were found
 ENOUGH_PICTURES = 30  # pictures with rings that are examined
 ENOUGH_RINGS = 60  # rings that are enough to determine a camera
-USUAL_LIGHT = 0.3  # light of a ring, relative to that of bright ones, below which it is none
+USUAL_LIGHT = 0.3  # least light of a ring, relative to that of bright ones
 VIEW_HEIGHT_CM = 100.0  # height of the imagined camera that searches rings; only the scale that it gives matters
 
 # the fit
 TOLERANCE = 1e-12  # relative change of the squares, the pose or the gradient at which the fit of the camera ends
-TELLING_RINGS = 8  # rings from which they tell distortion and tilt
+TELLING_RINGS = 8  # fewest rings that determine distortion and tilt
 CORNER_PX = 0.5  # standard deviation of a corner that is given
 SHAPE_ERRORS = (0.5, 0.1, 0.02)
-"""Standard deviation of a ring's size and flattening, relative to its radius, in one fit after the other: large errors
-count for little, and at first all are large."""
+"""Standard deviation of a ring's size and flattening, relative to its radius, in each of the successive fits: large
+errors count for little, and in the first fit all are large."""
 SIZE_PRIOR = 0.05  # standard deviation of the radius of real rings around `epuck.RING_RADIUS_CM`, relative to it
-K1_PRIOR = 0.15  # standard deviation of usual lenses' radial distortion; keeps it small where rings do not tell
-TILT_PRIOR = 0.3  # standard deviation, in radians, of the tilt of a camera of which no corners are given
-FISHEYE_GAIN = 0.6  # squares of a fisheye lens, relative to those of a usual one, below which a lens is a fisheye
+K1_PRIOR = 0.15  # standard deviation of usual lenses' radial distortion; keeps it small if rings do not determine it
+TILT_PRIOR = 0.3  # standard deviation, in radians, of the camera's tilt if no corners are given
+FISHEYE_GAIN = 0.6  # sum of squares of a fisheye, relative to that of a usual lens, below which a lens is a fisheye
 
 _CIRCLE = np.arange(24) * math.tau / 24
 
-DESCRIBED = ("arena_cm", "robots", "period_s")  # what users and descriptions may say alike
+DESCRIBED = ("arena_cm", "robots", "period_s")  # options that a film's description may also have
 
 
 class FilmMetadata(BaseModel):
@@ -109,18 +109,18 @@ class TrackOptions(NamedTuple):
     lens: Path | None = None  # the file of the lens, if it was calibrated
     tags: str | None = None  # dictionary of the ArUco tags on top of robots, by which they are told apart
     tag_numbers: frozenset[int] | None = None
-    """Numbers of the tags that there are; all that are read often count if it is None."""
+    """Numbers of the tags in use; if it is None, those that are read often."""
     start_s: float = 0.0  # time on the film's clock before which frames are left out
     end_s: float = math.inf  # time on the film's clock after which frames are left out
     fps: float | None = None  # frames per second, instead of the film's own time stamps
 
     def with_defaults(self, metadata: FilmMetadata, arena_cm: tuple[float, float] | None = None) -> Self:
-        """Return these options, completed where they are None from a film's metadata, or else by an arena's size."""
+        """Return these options; fill in those that are None from a film's metadata, or else from an arena's size."""
         told = {name: getattr(self, name) or getattr(metadata, name) for name in DESCRIBED}
         return self._replace(**told | {"arena_cm": told["arena_cm"] or arena_cm})
 
     def contradictions(self, metadata: FilmMetadata) -> list[str]:
-        """Return sentences about what is said otherwise in a film's metadata."""
+        """Return a sentence for each option that a film's metadata contradict."""
         told = ((name, getattr(self, name), getattr(metadata, name)) for name in DESCRIBED)
         return [
             f"--{name.replace('_', '-')} is {_plain(given)}, but {DESCRIPTION} says {_plain(said)}"
@@ -138,7 +138,7 @@ def _plain(value: Any) -> str:
 
 
 def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
-    """Yield the frames that options choose, at the times that they say; raise FilmError if they leave too few."""
+    """Yield the frames that options choose, with the times that they give; raise FilmError if they leave too few."""
     time_s, chosen = options.start_s, 0
     for number, frame in enumerate(frames):
         time_s = number / options.fps if options.fps else frame.time_s
@@ -155,7 +155,7 @@ def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
 
 
 def described_geometry(size_px: tuple[int, int], options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:
-    """Return the geometry in a film's metadata; None if there is none, or options or pictures are not like it."""
+    """Return the geometry in a film's metadata; None without one, if options replace it, or for other picture sizes."""
     is_told = options.corners_px or options.arena_cm or options.height_cm or options.lens
     if metadata.overhead is None or metadata.arena_cm is None or is_told:
         return None
@@ -179,10 +179,10 @@ def calibrate(
 
     The place of the floor follows from the corners in the options; or else from the floor's corners, if the film begins
     in the light; without them the camera is aimed at the arena's middle. Distortion and scale follow from the rings, in
-    `most_frames` at most once the room is dark, for which it is waited for `most_lit_s`.
+    at most `most_frames` from the first dark frame on, or after `most_lit_s` of light.
 
     Raises:
-        FilmError: The options make no sense, the lens is no such camera's, or the film shows neither floor nor ring.
+        FilmError: The options make no sense, the lens does not fit the film, or it shows neither floor nor ring.
     """
     lens = None if options.lens is None else read_lens(options.lens, size_px)
     floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)
@@ -215,7 +215,7 @@ def calibrate(
 
 
 def _after_light(frames: Iterator[Frame], most_lit_s: float) -> Iterator[Frame]:
-    """Yield the frames from the first dark one on, or from when it has been lit for so long."""
+    """Yield the frames from the first dark one on, or once the room has been lit for `most_lit_s`."""
     begin_s: float | None = None
     for frame in frames:
         begin_s = frame.time_s if begin_s is None else begin_s
@@ -253,9 +253,9 @@ class SeenRings(NamedTuple):
 
 
 def measure_rings(frames: Iterable[Frame], background: Background, most_frames: int) -> SeenRings:
-    """Measure rings of unknown size in the dark frames of a film, from which the background learns.
+    """Measure rings of unknown size in the dark frames of a film, which also update the background.
 
-    Reading ends when there are enough, or `most_frames` after the first frame with a ring.
+    Reading ends with enough rings or pictures, or `most_frames` after the first frame with a ring.
     """
     survey, first = _Survey(), background.levels
     last_s, last_lit_px, since = -math.inf, 0, 0
@@ -273,7 +273,7 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
             survey.examine(light)
         if len(survey.found) >= ENOUGH_RINGS or survey.pictures >= ENOUGH_PICTURES or since >= most_frames:
             break
-    if first is not None and not survey.found:  # what shone in the first picture never went off
+    if first is not None and not survey.found:  # the light in the first picture never went off
         background.levels = None
         survey.examine(first)
     return survey.seen_rings()
@@ -289,7 +289,7 @@ class _Survey:
         self.pictures = 0  # with rings
 
     def examine(self, light: Light) -> None:
-        """Search rings in the light of a dark picture; keep those that fit best where several are at one place."""
+        """Search rings in the light of a dark picture; of several at one place, keep the one that fits best."""
         if not self._finders:
             rows, columns = light.shape
             sizes = math.floor(math.log(MAX_RADIUS * min(rows, columns) / MIN_RADIUS_PX, STEP)) + 1
@@ -344,11 +344,11 @@ def fit_camera(
     corners_px: npt.ArrayLike | None = None,
     lens: Lens | None = None,
 ) -> Geometry:
-    """Fit the camera that sees the floor's corners, if they are given, and rings where and as large as they are seen.
+    """Fit a camera to the sizes and shapes of rings, and to the floor's corners if they are given.
 
-    Without corners, (4, 2) px in any order, it is aimed at the arena's middle, and not turned; of them, the nearest to
-    the picture's lower left corner is the arena's origin. Corners seen from straight above do not determine its height.
-    It raises as `check_corners`.
+    Corners are (4, 2) px in any order; the nearest to the picture's lower left corner is the arena's origin. Without
+    them, the camera is aimed at the arena's middle, and not turned. Corners seen from straight above do not determine
+    its height. Raises the errors of `check_corners`.
     """
     corners = None if corners_px is None else check_corners(corners_px, *size_px)
     kinds = (False, True) if lens is None and rings.number >= TELLING_RINGS else (False,)
@@ -360,11 +360,11 @@ def fit_camera(
 def _unknowns(
     floor_cm: tuple[float, float], above_cm: float, rings: SeenRings, corners: FloatArray | None, lens: Lens | None
 ) -> tuple[FloatArray, BoolArray]:
-    """Return (8,) values at which a fit begins, and which of them the film tells; the others are held.
+    """Return (8,) values at which a fit begins, and which of them are fitted; the others are held.
 
-    0 to 2: rotation vector, of which the third, the turn, is held without corners, and all without enough rings. 3, 4:
-    offset relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if
-    the lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
+    0 to 2: rotation vector, held without corners; its first two are fitted if there are enough rings. 3, 4: offset
+    relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if the
+    lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
     """
     start = np.zeros(8)
     if corners is not None:
@@ -374,7 +374,7 @@ def _unknowns(
     else:
         scale = float(np.median(rings.radius_px)) / epuck.RING_RADIUS_CM
         start[5] = math.log(scale * (above_cm - epuck.RING_HEIGHT_CM))
-    if lens is not None:  # then the film tells the height instead of the focal length
+    if lens is not None:  # then the height is fitted instead of the focal length
         start[5] = math.log(lens.focal_px / above_cm) - (start[5] - math.log(above_cm))
     by_corners, by_rings = corners is not None, rings.number >= TELLING_RINGS
     told = [by_corners or by_rings] * 2 + [by_corners] * 3 + [True, lens is None and by_rings]
@@ -390,7 +390,7 @@ def _fit(
     lens: Lens | None,
     is_fisheye: bool,
 ) -> tuple[float, Geometry]:
-    """Return half of the squares that least squares leave, and the geometry that they give."""
+    """Return half of the remaining sum of squares, and the geometry of the least-squares fit."""
     # loading it takes half a second, and described films do without it
     from scipy.optimize import least_squares  # noqa: PLC0415
 
@@ -423,7 +423,7 @@ def _fit(
                 seen = expected_rings(camera, rings.places_px, epuck.RING_RADIUS_CM * math.exp(values[7]))
                 sizes = np.log(np.maximum(seen.radius_px, 1e-3) / rings.radius_px)
                 off = (np.column_stack([sizes, seen.flattening - rings.flattening]) / shape_error).ravel()
-                parts.append(np.sign(off) * np.sqrt(2 * np.log1p(off**2 / 2)))  # a ring that is none counts for little
+                parts.append(np.sign(off) * np.sqrt(2 * np.log1p(off**2 / 2)))  # a false ring counts for little
         return np.asarray(np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3), float)
 
     found = start[is_told]
@@ -432,7 +432,7 @@ def _fit(
         fit = least_squares(misses, found, args=(shape_error,), **until)
         found = fit.x
     camera, error_cm = camera_of(filled(found)), 0.0
-    if rings.number:  # of the corners on the floor, from draws of what was fitted
+    if rings.number:  # error of the corners on the floor, from draws of the fitted values
         covariance, pixels = np.linalg.pinv(fit.jac.T @ fit.jac), camera.project(floor)
         draws = np.random.default_rng(0).multivariate_normal(found, covariance, 32, method="svd")
         off_cm = [camera_of(filled(draw)).back_project(pixels, 0.0) - floor[:, :2] for draw in draws]

@@ -1,4 +1,4 @@
-"""A camera above the arena: which pixel shows a point, and the reverse, by OpenCV's model; its pictures; and its lens.
+"""The camera above the arena: projects points to pixels and back, by OpenCV's model; its pictures and its lens.
 
 A lens is calibrated from pictures of a board, and kept in a file that `track` and `film` take.
 
@@ -36,9 +36,9 @@ class Frame(NamedTuple):
 
 
 ProgressWrapper = Callable[[Iterable[Any], float | None], Iterable[Any]]
-"""Function that passes on tuples, whose first items are times in s, and shows how far their reader is.
+"""Function that passes on tuples, each of which begins with a time in s, and shows the progress.
 
-Its second argument is the time of the last one; None if it is unknown."""
+Its second argument is the time of the last tuple; None if it is unknown."""
 
 REFERENCE_HEIGHT_CM = 110.0  # height of the camera above the floor in the thesis's experiments (4.3.1)
 REFERENCE_SIDE_CM = 60.0  # side of the arena in the thesis's experiments (4.3.1)
@@ -54,22 +54,22 @@ whole pixels in the corners of a wide, strongly distorted picture."""
 
 # boards
 APART_S = 0.5  # time between frames in which the board is searched
-MIN_VIEWS = 6  # pictures of the board from which a lens is calibrated; OpenCV recommends ten or more
-MAX_VIEWS = 40  # pictures of the board after which no more are read
+MIN_VIEWS = 6  # fewest pictures of the board to calibrate a lens from; OpenCV recommends ten or more
+MAX_VIEWS = 40  # most pictures of the board that are used
 MIN_POINTS = 8  # corners of a board that must be seen in a picture
 MIN_MOVE_PX = 8.0  # mean distance by which the board must have moved since the last picture that counts
-SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)  # iterations, px: end corners' refinement
+SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)  # iterations or px, which end the refinement
 MARKER_SHARE = 0.7  # side of a ChArUco board's markers, relative to that of its squares
 EQUIDISTANT = cv2.CALIB_FIX_PRINCIPAL_POINT | sum(getattr(cv2, f"CALIB_FIX_K{number}") for number in (1, 2, 3, 4))
-"""OpenCV's flags of a fisheye lens of which only the focal length is unknown."""
-MAX_MISFIT = 5.0  # error of a view, relative to the median, beyond which corners were misplaced, and it is left out
+"""OpenCV's flags to fit only the focal length of a fisheye lens."""
+MAX_MISFIT = 5.0  # error of a view, relative to the median, above which it is left out: its corners were misplaced
 UNSURE_FOCUS = 0.03
-"""Relative difference of the focal lengths by half of the views and by all from which they do not determine a lens:
-seen straight on, or always askew in the same way, a board nearby looks as one farther away through a longer lens."""
+"""Largest relative difference of the focal lengths from half of the views and from all, if they determine a lens: seen
+straight on, or always tilted in the same way, a near board looks like a farther one through a longer lens."""
 
 
 class Lens(NamedTuple):
-    """Where a camera's picture shows a direction: OpenCV's camera matrix and distortion, of a usual or fisheye lens."""
+    """OpenCV's camera matrix and distortion of a usual or fisheye lens, which give the pixel that shows a direction."""
 
     focal_px: float  # focal length across the picture
     focal_down_px: float  # focal length down the picture; the same where pixels are square
@@ -105,7 +105,7 @@ class CameraModel(NamedTuple):
     def project(self, points_cm: FloatArray) -> FloatArray:
         """Return (n, 2) px: column and row that show (n, 3) points in front of the camera, cm; n > 0."""
         show = cv2.fisheye.projectPoints if self.lens.is_fisheye else cv2.projectPoints
-        # turned here: as a vector, as OpenCV wants it, a rotation by about half a turn loses a thousandth of a degree
+        # rotated here: as the vector that OpenCV takes, about half a turn would be a thousandth of a degree off
         seen = (np.asarray(points_cm, float) - self.position_cm) @ self.rotation.T
         pixels, _ = show(seen[:, None], np.zeros(3), np.zeros(3), self.lens.matrix, np.array(self.lens.coefficients))
         return np.asarray(pixels, float).reshape(-1, 2)
@@ -139,12 +139,12 @@ class Geometry(NamedTuple):
     calibration: str  # what the camera was determined from
     knows_floor: bool  # whether the floor's place in the picture is known, so that rings outside of it are left out
     error_cm: float = 0.0
-    """Standard error of positions at the floor's corners, or relative to each other; 0 if nothing tells."""
+    """Standard error of positions at the floor's corners, or relative to each other; 0 if it is not known."""
     tilt_deg: float = 0.0  # angle between the camera's axis and straight down
     background: Light | None = None  # constant light of the dark scene without rings
     ring_light: float = 0.0
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
-    ring_size: float = 1.0  # radius of the rings by the floor's corners, relative to the known one; NaN if described
+    ring_size: float = 1.0  # radius of the rings by the floor's corners, relative to an e-puck's; NaN if described
 
     def floor_outline_px(self) -> FloatArray:
         """Return (n, 2) px: the outline of the floor, in order."""
@@ -171,14 +171,14 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
 
 def _rotation(tilt: float, turn: float) -> FloatArray:
     if not tilt and not turn:
-        return LOOKING_DOWN  # without zeros that are negative
+        return LOOKING_DOWN  # without negative zeros
     lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
     spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
     return np.asarray(lean @ LOOKING_DOWN @ spin)
 
 
 def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> Lens:
-    """Return the lens whose field of view is the one given, or else just holds floor and walls from straight above."""
+    """Return the lens with the given field of view, or else one that just shows floor and walls from straight above."""
     size = section.width_px, section.height_px
     if section.field_of_view_deg is not None:
         focals_px = [section.width_px / 2 / math.tan(math.radians(section.field_of_view_deg) / 2)]
@@ -200,7 +200,7 @@ def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm:
 
 
 View = dict[tuple[float, ...], FloatArray]
-"""Where a picture shows the corners of a board: (2,) px of each place on it, whose three coordinates are in squares."""
+"""Corners of a board in a picture: (2,) px of each, by its place on the board, three coordinates in squares."""
 
 
 class LensFile(BaseModel):
@@ -215,7 +215,7 @@ class LensFile(BaseModel):
     is_fisheye: bool
     views: int = 0  # number of pictures that it was calibrated from
     error_px: float = 0.0  # root mean square distance of the board's corners from where this lens would show them
-    digest: str = ""  # that of all the rest; empty in files of version 0.1.0
+    digest: str = ""  # digest of the other fields; empty in files of version 0.1.0
 
     @property
     def lens(self) -> Lens:
@@ -226,7 +226,7 @@ class LensFile(BaseModel):
 def find_views(
     frames: Iterable[Frame], squares: tuple[int, int], is_charuco: bool, apart_s: float = APART_S
 ) -> list[View]:
-    """Return views of a board of squares across and down that moves, or the camera does; searched every `apart_s`."""
+    """Return different views of a board with `squares` across and down; search it in a frame every `apart_s`."""
     find = _charuco_corners if is_charuco else _checkerboard_corners
     views: list[View] = []
     last_s = -np.inf
@@ -268,7 +268,7 @@ def _charuco_corners(grey: Light, squares: tuple[int, int]) -> View:
 
 
 def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> LensFile:
-    """Return the lens, usual or fisheye, that shows a board as its views have it; raise FilmError if they tell none."""
+    """Return the usual or fisheye lens fitted to views of a board; raise FilmError if they do not determine one."""
     if len(views) < MIN_VIEWS:
         raise FilmError(
             f"{name}: the board is found in {len(views)} different positions; allowed: {MIN_VIEWS} or more; check "
@@ -311,7 +311,7 @@ def _fit_lens(
         flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW
         points, pixels = ([each.astype(float).swapaxes(0, 1) for each in parts] for parts in (points, pixels))
         found = None, np.zeros((3, 3)), np.zeros((4, 1))
-        for more in (EQUIDISTANT, cv2.CALIB_USE_INTRINSIC_GUESS):  # of wide lenses, all at once would not be found
+        for more in (EQUIDISTANT, cv2.CALIB_USE_INTRINSIC_GUESS):  # all at once, the fit of wide lenses fails
             found = cv2.fisheye.calibrate(points, pixels, size_px, found[1], found[2], flags=flags | more)
     else:
         found = cv2.calibrateCamera(points, pixels, size_px, np.eye(3), np.zeros(5))

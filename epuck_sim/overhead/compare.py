@@ -1,7 +1,7 @@
-"""Compares a film with simulated trials of a scenario, which can be fitted to it: the same quantities of both.
+"""Compares a film with simulated trials of a scenario, by the same quantities, and fits the scenario to the film.
 
-Trials are not rendered: rings are given to the tracker where they are, at a film's frame rate and for its duration;
-what pictures add, tenths of a millimetre, is left out.
+Trials are not rendered: the tracker gets the exact places of rings, at the film's frame rate and for its duration.
+The errors that pictures add, tenths of a millimetre, are left out.
 """
 
 import math
@@ -30,12 +30,12 @@ from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.seeds import trial_seed
 
 ROUNDING = 1e-9  # largest difference of equal quantities, relative to them
-NEAR_MODE = 0.15  # relative distance of a speed from the commonest one within which a robot drove straight ahead
+NEAR_MODE = 0.15  # largest relative difference from the commonest speed of a robot that drives straight ahead
 NEAR_CYCLE_FRAMES = 1.5
 """Number of frames by which a cycle may differ from the commonest long one and still be the robot's own period: a
 flash that is seen shortens a cycle by more (thesis eq. 4.1)."""
-SHARE_AT_MODE = 0.25  # cycles of the own period, relative to all, below which the film does not tell it
-SCALE_ERROR = 0.005  # relative error of lengths by the geometry; our estimate, for corners that are half a pixel off
+SHARE_AT_MODE = 0.25  # least share of cycles that last the robots' own period, for the film to determine it
+SCALE_ERROR = 0.005  # relative error of lengths from the geometry; our estimate, for corners that are half a pixel off
 LIT_SHARE = 0.5  # frames by which a flash may be shorter than it seems: a ring lit for part of an exposure is seen
 CUT = 4.74
 """Fall of the log-likelihood at the ends of 95 % intervals: half the quantile of chi-square with four degrees of
@@ -43,18 +43,18 @@ freedom, which the range of draws from a uniform distribution approaches."""
 GRID = 81  # values of each parameter for which the likelihood is computed
 LEAST_ERROR = 1e-12  # least standard error of a value, in its unit, so that values that are all 0 have a density
 SPEED = "robots.0.parameters.speed_cm_s"
-FEW = 3  # robots, or flashes of a robot, below which nothing is said about their differences
+FEW = 3  # fewest robots, or flashes of a robot, whose differences are estimated
 
 
 def fit_film(track: Track, robots: Robots, step_s: float = 0.0) -> dict[str, Estimate]:
     """Return the quantities that a film determines, by the keys of a scenario whose robots are all alike.
 
-    Rings are lit for whole control steps of `step_s`, up to one longer than a flash fraction says.
+    Rings are lit for whole control steps of `step_s`, up to one step longer than the flash fraction.
     """
     group, period_s = "robots.0.parameters", track.period_s
     speed, speeds = _fit_speeds(robots)
     fitted = {SPEED: speed}
-    if robots.identities.unsure <= MANY_UNSURE:  # else each seeming robot is some of several
+    if robots.identities.unsure <= MANY_UNSURE:  # otherwise each robot that is found mixes several
         period, clocks = _fit_clocks(robots, track)
         fitted |= {"spread.wheel_speed": speeds, f"{group}.period_s": period, "spread.clock_rate": clocks}
         period_s = period_s if math.isnan(period.value) else period.value
@@ -72,7 +72,7 @@ def _fit_speeds(robots: Robots) -> tuple[Estimate, Estimate]:
     """Return the speed straight ahead, and the half-width of the factors by which robots differ in it."""
     usual = robots.identities.speed_cm_s
     values, errors = [], []
-    for number in robots.numbers if usual else ():  # else they stand, or each flash is in a single frame
+    for number in robots.numbers if usual else ():  # 0 if they stand, or each flash is in a single frame
         speeds = robots.flashes.speeds_cm_s[robots.identities.robot == number]
         straight = speeds[np.abs(speeds - usual) <= NEAR_MODE * usual]
         if len(straight) >= FEW:
@@ -120,10 +120,10 @@ def _fit_rate(times_s: FloatArray) -> Estimate:
 
 
 def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estimate]:
-    """Return the mean, and the relative half-width, of a uniform distribution from which robots have their values.
+    """Return the mean and the relative half-width of the uniform distribution of robots' values.
 
-    Values are 0 or more, and have standard errors. There is neither mean nor half-width of fewer than `FEW` robots, and
-    no half-width of a mean whose interval reaches 0.
+    Values are 0 or more; `errors` are their standard errors. Both results are undetermined for fewer than `FEW` robots,
+    and the half-width if the interval of the mean reaches 0.
     """
     if len(values) < FEW:
         return UNDETERMINED, UNDETERMINED
@@ -135,13 +135,13 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estim
     widths = np.linspace(0, 1.5 * max(high - low, 1e-9), GRID)
     likely = np.zeros((GRID, GRID))
     for value, error in zip(values, errors, strict=True):
-        wide, off = np.maximum(widths, 0.05 * error), value - means[:, None]  # narrower ones differ by nothing
+        wide, off = np.maximum(widths, 0.05 * error), value - means[:, None]  # narrower ones change nothing
         share = ndtr((off + wide) / error) - ndtr((off - wide) / error)
         likely += np.log(np.maximum(share, 1e-300) / (2 * wide))
     likely -= likely.max()
     place = np.unravel_index(likely.argmax(), likely.shape)
     centre = float(means[place[0]])
-    ends = []  # of the intervals in which the profiles are likely enough, a step wider at most
+    ends = []  # of the intervals in which the profile likelihood is high enough, a step wider at most
     for grid, other in ((means, 1), (widths, 0)):
         inside, step = grid[likely.max(axis=other) >= -CUT], grid[1] - grid[0]
         ends.append((float(max(inside[0] - step, grid[0])), float(inside[-1] + step)))
@@ -150,12 +150,12 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estim
     return Estimate(centre, *ends[0]), Estimate(float(widths[place[1]]), *ends[1]).apply(lambda width: width / centre)
 
 
-UNLIKE = 0.05  # p-value from which on a film is unlike the trials
-FEWEST_TRIALS = 19  # trials below which no film has so small a p-value
-FEWEST_KNOWN = 0.5  # share of the trials that must tell a quantity for it to be judged
-LEAST_SPREAD = 0.005  # least standard deviation of a quantity, relative to its largest value: pictures tell no more
+UNLIKE = 0.05  # largest p-value at which a film is unlike the trials
+FEWEST_TRIALS = 19  # fewest trials with which a film can have so small a p-value
+FEWEST_KNOWN = 0.5  # least share of the trials that must have a quantity for it to be judged
+LEAST_SPREAD = 0.005  # least standard deviation of a quantity, relative to its largest value: films are no more exact
 MOST_NAMED = 3  # quantities that a verdict names, at most
-NEAR_WALL_CM = 5.0  # distance from a wall within which a robot's middle is near it, as in the measure `near_walls`
+NEAR_WALL_CM = 5.0  # largest distance of a robot's middle that is near a wall, as in the measure `near_walls`
 SEEN_SHARE = 0.1  # share of an exposure for which a ring must be lit to be seen; our estimate
 
 
@@ -165,22 +165,22 @@ class QuantityComparison(NamedTuple):
     name: str
     unit: str
     film: float
-    trials: FloatArray  # (trials,) the same quantity of trials; NaN where they do not tell
-    end: float = 0.0  # the film's end, in cycles: what is beyond is at least as large
+    trials: FloatArray  # (trials,) the same quantity of trials; NaN where it is unknown
+    end: float = 0.0  # the film's end, in cycles: the lower bound of values beyond it
 
     @property
     def beyond(self) -> int:
-        """Number of trials in which it is beyond the film's end."""
+        """Number of trials whose value is beyond the film's end."""
         return int(np.isinf(self.trials).sum())
 
     @property
     def unknown(self) -> int:
-        """Number of trials in which it is not known."""
+        """Number of trials whose value is unknown."""
         return int(np.isnan(self.trials).sum())
 
     @property
     def percentile(self) -> float:
-        """Percentage of the trials with smaller values, and half of those with the same; NaN if nothing tells."""
+        """Percentage of trials with smaller values, plus half of those with the same; NaN if film or trials lack it."""
         known = self.trials[~np.isnan(self.trials)]
         if math.isnan(self.film) or not len(known):
             return math.nan
@@ -188,10 +188,10 @@ class QuantityComparison(NamedTuple):
         return float(100 * (np.mean((known < self.film) & ~is_same) + np.mean(is_same) / 2))
 
     def distances(self) -> FloatArray:
-        """Return (1 + trials,) how far the film, and each trial, is from the others, in their standard deviations.
+        """Return (1 + trials,) distances of the film and of each trial from the others, in their standard deviations.
 
-        A time beyond the film's end counts as that end, or as the longest that is known. What is not known is at
-        distance 0, and so are all if the film or most of the trials do not tell the quantity.
+        A time beyond the film's end counts as that end, or as the longest known time if it is longer. Unknown values
+        have distance 0, and so have all if the film or most of the trials do not have the quantity.
         """
         values = np.append(self.film, self.trials)
         is_finite, is_known = np.isfinite(values), ~np.isnan(values)
@@ -212,13 +212,13 @@ class Verdict(NamedTuple):
     p_value: float
     """Share of the film and the trials whose farthest quantity is at least as far from the others as the film's; NaN if
     nothing can be said."""
-    sentence: str  # what is to be said, and what to do if that is little
+    sentence: str  # the verdict in words, and what to do if it says little
 
 
 def judge(rows: Sequence[QuantityComparison]) -> Verdict:
-    """Return the verdict of one test of all quantities: each trial, held against the rest, gives its distribution.
+    """Return the verdict of one test of all quantities, whose distribution is each trial's distance from the rest.
 
-    Quantities depend on each other, and many are tested: both are in the distribution of the largest distance.
+    The distribution of the largest distance accounts for many quantities that depend on each other.
     """
     trials = len(rows[0].trials)
     distances = np.array([row.distances() for row in rows])
@@ -255,7 +255,7 @@ def compare_film(
     trials: int,
     progress: Callable[[Iterable[int]], Iterable[int]],
 ) -> list[QuantityComparison]:
-    """Compare quantities of a film and its robots with those of simulated trials, from the scenario's seed on."""
+    """Compare quantities of a film and its robots with those of trials, simulated with the scenario's seeds."""
     values = np.full((len(QUANTITIES), trials), np.nan)
     for trial in progress(range(trials)):
         try:
@@ -271,7 +271,7 @@ def compare_film(
 def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Track, Robots]:
     """Return the track and the robots of a simulated trial, as if it were filmed like another film.
 
-    The number of robots is told if it was told of the film, and tags are read in all frames if the film's were read.
+    The tracker knows the number of robots if it knew the film's, and reads tags in all frames if it read the film's.
 
     Raises:
         FilmError: The film is too short, or has no flashes.
@@ -333,7 +333,7 @@ QUANTITIES: dict[tuple[str, str], Callable[[Track, Robots], float]] = {
         fit_film(track, robots).get("spread.clock_rate", UNDETERMINED).value
     ),
 }
-"""Numbers that films and trials have, by name and unit: NaN if a film does not tell, inf if beyond its end."""
+"""Quantities of films and trials, by name and unit: NaN if unknown, inf if beyond the film's end."""
 
 
 def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -356,20 +356,20 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
     exposure_s = min(scenario.overhead.exposure_ms / 1000, 1 / film.fps)
     frames_s = np.arange(0.0, film.duration_s - exposure_s, 1 / film.fps)
     at_s = frames_s + exposure_s / 2
-    seen = poses[np.searchsorted(steps_s, at_s, side="right") - 1]  # headings of the step before do
+    seen = poses[np.searchsorted(steps_s, at_s, side="right") - 1]  # headings of the step before are enough
     for robot in range(poses.shape[1]):
         for axis in (0, 1):
             seen[:, robot, axis] = np.interp(at_s, steps_s, poses[:, robot, axis])
     moments = (frames_s + share * exposure_s for share in (SEEN_SHARE, 1 - SEEN_SHARE))
     begin, end = (ring_on[np.searchsorted(steps_s, moment, side="right") - 1] for moment in moments)
-    is_there: BoolArray = ~np.isnan(seen).any(axis=2)  # between a step with a robot and one without it, it is nowhere
+    is_there: BoolArray = ~np.isnan(seen).any(axis=2)  # a robot is absent between a step with it and one without it
     return frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there
 
 
 def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> dict[str, Estimate]:
     """Return the values that a film determines, by the keys of a scenario.
 
-    Of several groups of robots, a film does not show whose values are whose: it determines only those of the camera.
+    With several groups, a film does not show which group has which values: it determines only those of the camera.
     """
     known = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}
     fitted = fit_film(track, robots, scenario.timing.step_ms / 1000)
@@ -379,13 +379,13 @@ def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> d
 
 
 def save_fitted(path: Path, scenario: EmbodiedScenario, fitted: dict[str, Estimate], film: str) -> None:
-    """Write a scenario of one group with fitted values, and intervals as comments; raise EpuckSimError if it cannot."""
+    """Write a scenario of one group with fitted values, intervals as comments; raise EpuckSimError where it cannot."""
     digits = {key: 3 if key.endswith(".period_s") else 6 for key in fitted}  # periods are whole milliseconds
     values = {key: round(value.value, digits[key]) for key, value in fitted.items()}
-    if SPEED in values:  # which may be measured beyond what wheels can do
+    if SPEED in values:  # the measured speed may exceed what wheels can do
         values[SPEED] = min(values[SPEED], scenario.group_kinds[0].wheel_limit_cm_s)
     longest_ms = 1000 / values.get("overhead.frames_per_s", scenario.overhead.frames_per_s)
-    if scenario.overhead.exposure_ms > longest_ms:  # than a frame
+    if scenario.overhead.exposure_ms > longest_ms:  # an exposure is no longer than a frame
         values["overhead.exposure_ms"] = longest_ms
     changed = with_values(scenario, {**values, "name": f"{scenario.name}-fitted"}, scenario.name)
     lines = [f"# Fitted to {film}, with 95 % intervals; all else is as it was."]

@@ -27,15 +27,15 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path
 
-EARLY_S = 1.0  # time before its declared end from which a film counts as cut off; sound may outlast the pictures
+EARLY_S = 1.0  # least time that a film must lack at its declared end to count as cut off; sound may outlast pictures
 TIMEOUT_S = 15.0  # longest time that an address on the network may take to answer
 UNSTAMPED_RATE = 25  # frame rate where neither time stamps nor the file give one, as FFmpeg's for numbered pictures
-RESTART_S = 1.0  # time before the last time stamp from which a clock counts as restarted, not a frame as out of order
-LONGEST_GAP_S = 86_400.0  # time after it from which a clock counts as set anew: no camera is still for a day
+RESTART_S = 1.0  # a time stamp further back than this shows a clock that restarted, not a frame out of order
+LONGEST_GAP_S = 86_400.0  # a longer gap between time stamps shows a clock that was reset: no camera pauses for a day
 
-TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # by which FFmpeg renders text files as films of a terminal
+TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # FFmpeg's, which show text files as films of a terminal
 ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
-"""Options for films whose metadata are no UTF-8, which PyAV reads by itself from version 19 on."""
+"""Options to open films whose metadata are not UTF-8; PyAV needs none from version 19 on."""
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
     if not is_address:
         file = _resolve_file(path_or_url)
         options = _numbering(file)
-        # a folder's % is none of FFmpeg's pattern
+        # a % in the folder's name does not belong to FFmpeg's pattern
         source = f"{file.parent}/".replace("%", "%%") + file.name if options else str(file)
     try:
         container = av.open(source, options=options, timeout=TIMEOUT_S if is_address else None, **ANY_METADATA)
@@ -129,7 +129,7 @@ class Film:
 
     def _read(self, first: VideoFrame, others: Iterator[VideoFrame]) -> Iterator[Frame]:
         reformatter = VideoReformatter()  # shared by all frames: creating one takes longer than using it
-        has_no_stamps = self._container.format.name == "avi"  # but decoding times, which have the same order
+        has_no_stamps = self._container.format.name == "avi"  # AVI has only decoding times, in the same order
         for picture in chain([first], others):
             if (picture.width, picture.height) != (first.width, first.height):
                 raise FilmError(
@@ -219,7 +219,7 @@ def _resolve_file(path: str) -> Path:
 
 
 def _numbering(file: Path) -> dict[str, str]:
-    """Return FFmpeg's option for the first number of numbered pictures, which it looks for from 0 to 4 alone."""
+    """Return FFmpeg's option for the number of the first picture; without it, FFmpeg tries only 0 to 4."""
     parts = re.split(r"%\d*d", file.name)
     if len(parts) != 2 or file.exists():
         return {}
@@ -247,7 +247,7 @@ def _duration_s(container: InputContainer, stream: VideoStream) -> float | None:
         return float(stream.frames / stream.average_rate)  # FFmpeg would estimate the duration from the file's size
     if stream.duration and stream.time_base:
         return float(stream.duration * stream.time_base)
-    from_0 = "matroska" in container.format.name  # counts it from 0, whenever its first frame is
+    from_0 = "matroska" in container.format.name  # its duration counts from 0, not from the first frame
     before = max(container.start_time or 0, 0) if from_0 else 0
     return (container.duration - before) / av.time_base if container.duration else None
 
@@ -271,7 +271,7 @@ ENCODER_OPTIONS = {"crf": "24", "preset": "veryfast", "mbtree": "0"}
 
 The macroblock tree (mbtree) is off: it coarsens short-lived detail such as flashes, and with AVX-512 instructions it
 makes a different file from the same frames each time. A crf of 24 without it is about as good as 20 with it.
-`ultrafast` makes a film in 0.6 of the time, but rings whose size, from which scales follow, is 8 % off.
+`ultrafast` takes 0.6 of the time, but its rings are 8 % off in size, from which scales follow.
 """
 
 CLOCK = {"movie_timescale": str(TICKS_PER_S)}  # gives the time of the first frame the resolution of the others
@@ -299,7 +299,7 @@ class FilmWriter:
         codec.colorspace, codec.color_range = Colorspace.ITU601, ColorRange.MPEG
 
     def write(self, frame: Frame) -> None:
-        """Add a frame whose time is after those of all frames before."""
+        """Add a frame that is later than all frames before it."""
         picture = av.VideoFrame.from_ndarray(frame.picture, format="rgb24")
         # frames closer than a tick still get increasing time stamps
         self._last_tick = max(round(frame.time_s * TICKS_PER_S), self._last_tick + 1)
@@ -307,7 +307,7 @@ class FilmWriter:
         if frame.time_s - self._keyframe_s >= KEYFRAME_INTERVAL_S:
             picture.pict_type = PictureType.I
             self._keyframe_s = frame.time_s
-        self.has_frames = False  # if it fails, or FFmpeg would crash at the end
+        self.has_frames = False  # until the frame is encoded: if that fails, FFmpeg would crash in `finish`
         self._container.mux(self._stream.encode(picture))
         self.has_frames = True
 
@@ -324,8 +324,8 @@ def film_file(
     """Yield a writer of a film, which gets the name `path` when the block ends without an error.
 
     Both sides of the pictures are even, as H.264 requires. The description is stored as JSON in the `comment` of the
-    film's metadata, beside the title. A film that grows has its name from the beginning, and errors leave it: it can be
-    read up to about a second before the last frame, also if the process is killed.
+    film's metadata, beside the title. With `grows`, the film has its name from the beginning, and errors leave it: it
+    can be read up to about a second before the last frame, even if the process is killed.
 
     Raises:
         FilmError: The name does not end in .mp4, a side is odd, or the film has no frame or cannot be written.

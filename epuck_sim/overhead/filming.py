@@ -1,4 +1,4 @@
-"""Films trials into files, with a simulated webcam above the arena: a recorded trial, or one while it runs."""
+"""Films a recorded trial, or a trial while it runs, into a file, with a simulated webcam above the arena."""
 
 import math
 from bisect import bisect_right
@@ -34,7 +34,7 @@ from epuck_sim.util.machine import lack_of_memory
 from epuck_sim.util.provenance import versions
 
 PIXEL_BYTES, FILM_BYTES = 110, 200_000_000
-"""Memory of encoder and camera for each pixel of a picture, and besides, as measured with 1 to 16 million pixels."""
+"""Memory of encoder and camera per pixel of a picture, and fixed memory; measured with 1 to 16 million pixels."""
 
 SAMPLES = 4
 """Number of moments, evenly spread over an exposure, that are rendered into one picture.
@@ -45,16 +45,16 @@ A robot at 12.8 cm/s moves by less than the width of a ring from one to the next
 AGENTS_PX, AGENTS_MARGIN_PX = 720, 40  # side of pictures of agents, and their margin
 SEGMENT_PX = 120  # height of pictures of a segment
 AGENTS_FRAMES_PER_S = 25  # pictures of agents in a simulated second
-DISC = (120, 126, 138)  # colour of an agent that has not just fired: in the viewer, where it has a number, it is darker
+DISC = (120, 126, 138)  # colour of an agent that has not just fired; darker in the viewer, for the agent's number
 
 TIME_TOLERANCE_S = 1e-6  # times that differ by no more than this are taken as equal; the difference is rounding
-HEIGHT_SHARE = 0.03  # height of a caption's capital letters, as a share of the picture's height, or of half its width
+HEIGHT_SHARE = 0.03  # height of a caption's capitals, relative to a picture's height, or to half its width if larger
 CAPITAL_PX = 21  # height of capital letters at OpenCV's scale 1, in pixels
 
 
 @contextmanager
 def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Observer]:
-    """Film a trial with the overhead camera of its scenario while it runs, by an observer for `run_trial`.
+    """Yield an observer for `run_trial` that films a trial with the overhead camera of its scenario while it runs.
 
     Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
     error, nothing is left behind.
@@ -63,8 +63,8 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
     >>> with film_trial("trial.mp4", scenario, seed=1) as observer:  # doctest: +SKIP
     ...     result = run_trial(Simulation(scenario, seed=1), [observer])
 
-    Point-like agents have no bodies that a camera could see: they are drawn as discs on the floor of their space, a
-    line for a segment, for 0.075 of a period in red after they have fired.
+    Point-like agents have no bodies that a camera could see: they are drawn as discs on the floor of their space, which
+    is a line for a segment; for 0.075 of a period after they have fired, they are red.
 
     Args:
         path: The film, whose name ends in .mp4.
@@ -88,10 +88,10 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
 def film_recording(
     recording: Path, overrides: Sequence[str], path: Path, progress: ProgressWrapper, lens: Path | None = None
 ) -> None:
-    """Film a recorded trial with the overhead camera of its scenario, changed as by `--set`, through a lens in a file.
+    """Film a recorded trial with the overhead camera of its scenario, changed as by `--set`, through a lens of a file.
 
     Raises:
-        EpuckSimError: The recording cannot be filmed, an override is not of the camera, or the film cannot be written.
+        EpuckSimError: The recording cannot be filmed, an override is no camera key, or the film cannot be written.
     """
     recorded = read_recording(recording)
     recorded_scenario = _require_rings(recorded.scenario, str(recording))
@@ -130,7 +130,7 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
 
 @contextmanager
 def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None = None) -> Iterator[Callable[..., None]]:
-    """Yield a function that films a step, given cycles and order parameter, and what `VirtualCamera` observes."""
+    """Yield a function that films a step from cycles, order parameter, and the arguments of `VirtualCamera.observe`."""
     section = scenario.overhead
     size = section.width_px, section.height_px
     if lack := lack_of_memory(FILM_BYTES + PIXEL_BYTES * size[0] * size[1]):
@@ -143,7 +143,7 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
         raise FilmError(f"{scenario.name}: {error}") from error
     described = describe_film(scenario, seed) | ({} if lens is None else {"overhead": None})
     with film_file(path, *size, described, scenario.name) as writer:
-        captions = Captions(section.lit_start_s) if section.light == "lit" else None  # such films are for people
+        captions = Captions(section.lit_start_s) if section.light == "lit" else None  # these films are for people
 
         def write(frames: Iterator[Frame]) -> None:
             for frame in frames:
@@ -159,7 +159,7 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
 
 
 def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[Observer]:
-    """Yield an observer that films agents: discs where they are at each picture, from above."""
+    """Yield an observer that films agents from above, as discs at their places in each picture."""
     population = population_of(scenario)
     if population.is_cube:
         raise FilmError(
@@ -214,7 +214,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
 
 
 def _origin(scenario: Scenario, seed: int) -> dict[str, Any]:
-    """Return the facts by which a film can be made again."""
+    """Return the facts that are needed to make a film again."""
     return {"epuck_sim": versions()["epuck_sim"], "scenario": scenario.name, "seed": seed, "versions": versions()}
 
 
@@ -235,8 +235,8 @@ def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
 class VirtualCamera:
     """Films a trial: frame k begins at k / frames_per_s; only the steps of one exposure are kept in memory.
 
-    The film begins `lit_start_s` before the first step. Until then the room is lit, the robots stand where the first
-    step has them, and all rings are off.
+    The film begins `lit_start_s` before the first step. Until the first step the room is lit, the robots stand where
+    that step has them, and all rings are off.
     """
 
     def __init__(
@@ -250,8 +250,8 @@ class VirtualCamera:
     ) -> None:
         """Place a camera above an arena, see `overhead_camera`, by default with the lens of the section.
 
-        The seed is that of the noise; `kinds` are those of each robot, or one for all. Where walls move, the camera
-        sees the arena at its largest.
+        `seed` is the seed of the noise; `kinds` has one kind for each robot, or one for all. Where walls move, the
+        camera sees the arena at its largest.
         """
         camera = overhead_camera(section, *(largest_cm or (arena.width_cm, arena.height_cm)))
         self._renderer = Renderer(section, camera._replace(lens=lens or camera.lens), arena, seed, kinds)
@@ -271,8 +271,8 @@ class VirtualCamera:
     ) -> Iterator[Frame]:
         """Add the next control step, see `ExposureSample`; yield the frames whose exposures have ended by then.
 
-        Robots, whose headings may be wrapped, and movables move evenly between steps; rings and arena stay until the
-        next.
+        Robots, whose headings may be wrapped, and movables move evenly between steps; rings and arena change only at
+        steps.
         """
         if not self._steps:
             self._offset_s = self._section.lit_start_s - time_s
@@ -282,7 +282,7 @@ class VirtualCamera:
         return self._frames_begun_by(now_s - self._exposure_s)
 
     def finish(self) -> Iterator[Frame]:
-        """Yield the frames that had begun by the last step; nothing changes until their exposures end."""
+        """Yield the frames that had begun by the last step, as if nothing changed until their exposures end."""
         return self._frames_begun_by(self._steps[-1][0] if self._steps else -math.inf)
 
     def _frames_begun_by(self, time_s: float) -> Iterator[Frame]:
@@ -312,10 +312,10 @@ class VirtualCamera:
 
 
 class Captions:
-    """Writes into each frame what the trial had come to when its exposure began."""
+    """Writes into each frame the state of the trial when its exposure began."""
 
     def __init__(self, start_s: float) -> None:
-        """Begin the clock at `start_s`, the time on the film's clock at which robots start."""
+        """Begin the trial's clock at `start_s`, the time on the film's clock when robots start."""
         self._start_s = start_s
         self._states: deque[tuple[float, int, float | None]] = deque([(0.0, 0, None)])
 

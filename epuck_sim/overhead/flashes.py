@@ -1,4 +1,4 @@
-"""Flashes: the lit rings of a film are counted frame by frame, and linked to what robots flash."""
+"""Counts the lit rings of a film frame by frame, and links them to flashes of robots."""
 
 import math
 from array import array
@@ -13,15 +13,15 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.camera import Frame, Geometry, Light
 from epuck_sim.overhead.rings import LEAST_LIGHT, LIT_LEVEL, Background, Ring, RingFinder
 
-REACH_CM = 2.5  # largest distance of a ring from its place in the frame before, if frames come fast
-FASTEST_CM_S = 1.05 * epuck.WHEEL_LIMIT_CM_S  # speed of a ring by which it may be farther, if they come slowly
+REACH_CM = 2.5  # largest distance of a ring from its place in the frame before, at high frame rates
+FASTEST_CM_S = 1.05 * epuck.WHEEL_LIMIT_CM_S  # highest speed of a ring, which gives this distance at low frame rates
 MOST_REACH_CM = 1.6 * epuck.RADIUS_CM  # distance beyond which it is another ring: robots that touch are 2 radii apart
 MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
 
 # lit areas
 SMOOTH_PX = 3  # side of the square over which noise is averaged
-SAMPLED = 4  # distance of the counted pixels of a row, or of a column, from which its usual light is measured
-SAMPLED_LINES = 240  # rows and columns of a picture, about, in which lit pixels are counted
+SAMPLED = 4  # distance of the pixels of a row, or of a column, whose median is its usual light
+SAMPLED_LINES = 240  # approximate number of rows, or columns, in which lit pixels are counted
 _COS, _SIN = (function(np.linspace(0, 2 * np.pi, 8, endpoint=False)) for function in (np.cos, np.sin))
 
 
@@ -111,7 +111,7 @@ class FlashLinker:
 
     @property
     def flashes(self) -> tuple[Flash, ...]:
-        """Flashes so far, in order of their onsets; those that go on end with the last frame."""
+        """Flashes so far, in order of their onsets; those that still shine end with the last frame."""
         return tuple(sorted(self._ended + [lit.flash(self._now_s) for lit in self._lit]))
 
     def lit_since(self, time_s: float) -> int:
@@ -120,7 +120,7 @@ class FlashLinker:
 
 
 def join_broken(flashes: Sequence[Flash], flash_s: float) -> tuple[Flash, ...]:
-    """Join flashes at one place that are less than a flash apart: poor pictures lose rings in the middle of one."""
+    """Join flashes at one place that are less than a flash apart: poor pictures lose rings in the middle of a flash."""
     joined: list[Flash] = []
     first = 0
     for flash in flashes:
@@ -138,16 +138,16 @@ def join_broken(flashes: Sequence[Flash], flash_s: float) -> tuple[Flash, ...]:
 
 
 def frames_lit(onset_s: FloatArray, end_s: FloatArray, times_s: FloatArray) -> IntArray:
-    """Return (flashes, 2) the first of (frames,) that shows each flash, and the frame after the last.
+    """Return (flashes, 2) indices of the first of (frames,) that shows each flash, and of the frame after the last.
 
-    The last frame shows a flash that ends there.
+    A flash that ends at the last frame is shown by it.
     """
     first, end = np.searchsorted(times_s, onset_s), np.searchsorted(times_s, end_s)
     return np.column_stack([first, end + (end_s == times_s[-1])])
 
 
 def count_lit(flashes: Sequence[Flash], times_s: FloatArray) -> IntArray:
-    """Return (n,) how many of some flashes are lit at (n,) times, ascending."""
+    """Return (n,) the number of flashes that are lit at each of (n,) ascending times."""
     frames = frames_lit(*FlashTable.of(flashes)[:2], times_s)
     begun, ended = (np.bincount(each, minlength=len(times_s) + 1) for each in frames.T)
     return np.cumsum(begun - ended)[:-1]
@@ -163,7 +163,7 @@ def count_places(places_cm: Iterable[tuple[float, float]]) -> int:
 
 
 class CountedRings(NamedTuple):
-    """The lit rings of a trial that was filmed, or simulated as if it were."""
+    """The lit rings of a trial that was filmed, or simulated as if it was filmed."""
 
     frames: int  # number of frames, including those of a lit beginning
     start_s: float  # beginning of the trial on the film's clock
@@ -174,9 +174,9 @@ class CountedRings(NamedTuple):
     geometry: Geometry
     outside: int = 0  # number of rings seen outside of the floor: those of a neighbour, or mirror images
     always_lit: Sequence[Ring] = ()  # rings on the floor that never went off
-    dazzled: float = 0.0  # share of the floor that always shines, as bright as rings
+    dazzled: float = 0.0  # share of the floor that always shines as brightly as rings
     rings: Sequence[Sequence[Ring]] = ()
-    """Rings on the floor in each frame, including those of a lit beginning; empty if it was not filmed."""
+    """Rings on the floor in each frame, including frames of a lit beginning; empty if the trial was not filmed."""
 
 
 class LightMeter:
@@ -192,11 +192,11 @@ class LightMeter:
         self._floor = floor[:: self._step, :: self._step] > 0
 
     def lit_px(self, levels: Light, background: Light | None = None, usual: float = 0.0) -> int:
-        """Return about how many of (height_px, width_px) levels on the floor, or anywhere if it is not known, are lit.
+        """Return about how many of (height_px, width_px) levels are lit on the floor, or anywhere if it is not known.
 
-        Lamps that flicker do not count. Those that light the room raise whole rows where a camera exposes one row after
-        the other, whole columns if the film is turned, and else all pixels. Those in the picture, and screens, shine by
-        less than twice their least light, by which the background exceeds its usual level.
+        Flickering lamps do not count. Those that light the room raise whole rows where a camera exposes one row after
+        the other, whole columns if the film is turned, and else all pixels. Lamps in the picture, and screens, flicker
+        by less than the background there exceeds its usual level.
         """
         if cv2.minMaxLoc(levels)[1] < LEAST_LIGHT:
             return 0
@@ -209,7 +209,7 @@ class LightMeter:
         return self._step**2 * int(np.count_nonzero(is_light))
 
     def share(self, levels: Light, least: float) -> float:
-        """Return the share of the floor, or of the picture if it is not known, that has such a level or more."""
+        """Return the share of the floor, or of the picture if it is not known, that has the level `least` or more."""
         bright = levels[:: self._step, :: self._step] >= least
         return float(np.mean(bright[self._floor]))
 
@@ -230,10 +230,10 @@ def light_on_circle(background: Light, ring: Ring) -> float:
 
 
 class RingCounter:
-    """Counts the lit rings in the frames of a film, which are given in their order.
+    """Counts the lit rings in the frames of a film, frame after frame.
 
     A film may begin in the light, before the robots start (thesis 4.3.1: they "only started moving once the room lights
-    were switched off"). The trial begins with the first dark frame after it, and earlier counts are discarded. Once a
+    were switched off"). The trial begins with the first dark frame after that, and earlier counts are discarded. Once a
     ring has been seen in the dark, the light may go on and off.
     """
 
@@ -268,13 +268,13 @@ class RingCounter:
         return rings
 
     def _begin(self, start_s: float) -> None:
-        self.start_s = start_s  # of the trial, on the film's clock; what was before is forgotten
+        self.start_s = start_s  # of the trial, on the film's clock; earlier counts are discarded
         self._times, self._counts, self._areas = array("d"), array("q"), array("q")
         self.linker = FlashLinker()
         self._outside = 0
 
     def _on_floor(self, rings: list[Ring]) -> list[Ring]:
-        """Return the rings that robots may have: a robot at a wall is its radius inside, its image as far outside."""
+        """Return the rings on the floor: a robot at a wall is its radius inside, its mirror image as far outside."""
         width_cm, height_cm = self._geometry.floor_cm
         is_known = self._geometry.knows_floor
         return [ring for ring in rings if not is_known or (0 <= ring.x_cm <= width_cm and 0 <= ring.y_cm <= height_cm)]

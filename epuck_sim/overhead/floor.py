@@ -1,4 +1,4 @@
-"""The corners of the arena's floor in a picture: those that a user gives, or found in the lit room.
+"""The corners of the arena's floor in a picture: given by the user, or found in the lit room.
 
 The floor is an even grey, surrounded by brighter or darker walls.
 """
@@ -14,35 +14,35 @@ from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.rings import is_lit
 
 # corners that are given
-MIN_SIDE = 0.1  # of the floor, as a fraction of the picture's shorter side; rings are not located on less
+MIN_SIDE = 0.1  # least side of the floor, relative to the picture's shorter one; rings are not located on less
 MAX_OUTSIDE = 1.0  # largest distance of a corner from the picture, as a fraction of the picture's sides
 
 # the floor's outline
 BAND = 0.15  # largest relative difference of the floor from its own smooth shade; walls and robots differ by more
-MIDDLE = 0.5  # radius, in half-diagonals, of the middle: vignetting is weak there, and one level is the floor's
+MIDDLE = 0.5  # radius, in half-diagonals, of the middle: vignetting is weak there, and the floor has one level
 SHADE_FITS = 8  # fits of the floor's shade; each covers more of the picture, from the middle outwards
 MIN_FLOOR = 0.1  # minimum area of the floor, as a fraction of the picture
-CORNER_TOLERANCE = 0.004  # of approxPolyDP, as a fraction of the outline's length; lenses bow straight edges
+CORNER_TOLERANCE = 0.004  # tolerance of approxPolyDP, relative to the outline's length; lenses bow straight edges
 
 PADDING_PX = 9.0  # distance beyond the corners at which a film may be padded
 BLACK_LEVEL = 6.0  # level of padding after compression; a lit room is brighter everywhere
 
 # the sides
 SEARCH_REACHES = (0.03, 0.015)
-"""Distances from a line within which the edge is searched, relative to the picture's shorter side: first from the
-outline's lines, then from the lines that this gives."""
+"""Distances from a line within which the edge is searched, relative to the picture's shorter side: first from the lines
+of the outline, then from those of the first search."""
 PROBES = 160  # places along each side at which the edge is searched
 PROBE_STEP_PX = 0.25  # distance of samples across the side at each place
-BEYOND_PX = 3.0  # distance from the end of the floor at which its blur has ended, too
-MAX_OFF_LINE_PX = 3.0  # from the first line; edges farther off belong to robots that stand at the wall
+BEYOND_PX = 3.0  # distance beyond the floor at which its blur has ended
+MAX_OFF_LINE_PX = 3.0  # distance from the first line; edges farther off belong to robots that stand at the wall
 MAX_OFF_PARABOLA_PX = 1.0  # distance from the fitted parabola beyond which edges are left out
 MIN_FOUND = 0.4  # share of the places along a side at which its edge must be on the curve
 
 
 def check_corners(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> FloatArray:
-    """Return (4, 2) px corners of a picture counter-clockwise as seen, from the lower left one on.
+    """Return the floor's corners, (4, 2) px, counter-clockwise as seen, from the lower left one on.
 
-    They are given as (4, 2) px: columns and rows in any order.
+    `corners_px` are (4, 2) columns and rows, in any order.
 
     Raises:
         FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
@@ -77,7 +77,7 @@ def find_corners(picture: Picture) -> FloatArray | None:
 
     The shade of the floor is fitted from the picture's middle outwards, because lenses darken the corners and lamps
     hang off-centre. Its outline gives four lines; across each, the edge is located to a fraction of a pixel at many
-    places. A parabola is fitted to each side, because distortion bows it, whose tangents meet in the corners.
+    places. A parabola is fitted to each side, because distortion bows it; the tangents at its ends meet in the corners.
     """
     if not is_lit(picture):
         return None
@@ -122,7 +122,7 @@ def _relative_shade(grey: Float32Array) -> Float32Array | None:
 
 
 def _outline_corners(shade: Float32Array) -> FloatArray | None:
-    """Return (4, 2) px: where the four longest sides of the floor's convex hull meet; None if the floor is cut off."""
+    """Return (4, 2) px: corners between the four longest sides of the floor's hull; None if the floor is cut off."""
     floor = (np.abs(shade - 1) < BAND).astype(np.uint8)
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(floor, connectivity=4)
     label = int(boxes[1:, cv2.CC_STAT_AREA].argmax()) + 1 if len(boxes) > 1 else 0
@@ -144,7 +144,7 @@ def _outline_corners(shade: Float32Array) -> FloatArray | None:
 
 
 def _intersection(line: FloatArray, other: FloatArray) -> FloatArray:
-    """Return (2,) px: where two lines meet, each a point and the vector to another; far away if they are parallel."""
+    """Return (2,) px: intersection of two lines, each a point and a vector along it; far away if they are parallel."""
     (point, along), (before, back) = line, other
     cross, gap = along[0] * back[1] - along[1] * back[0], before - point
     return np.asarray(point + along * ((gap[0] * back[1] - gap[1] * back[0]) / (cross or 1e-9)))
@@ -159,7 +159,7 @@ def _is_around_middle(corners: FloatArray, shape: tuple[int, ...]) -> bool:
 
 
 def _borders_on_padding(grey: Float32Array, corners: FloatArray) -> bool:
-    """Return whether there is nothing beyond one of the sides: bars around a film are black, lit rooms are nowhere."""
+    """Return whether it is black beyond one of the sides: bars around a film are black, a lit room is black nowhere."""
     share = np.linspace(0.1, 0.9, PROBES)[:, None, None]
     away = corners.mean(axis=0) - corners
     beyond = corners - away * (PADDING_PX / np.hypot(*away.T))[:, None]
@@ -176,9 +176,9 @@ def _sampled(picture: Float32Array, points_px: FloatArray) -> FloatArray:
 def _fit_side(
     shade: Float32Array, start: FloatArray, end: FloatArray, middle: FloatArray, reach_px: float
 ) -> FloatArray | None:
-    """Return (2, 2, 2) px: tangents of the floor's edge near a line, at its ends; None if too little of it is visible.
+    """Return (2, 2, 2) px: tangents at both ends of the floor's edge near a line; None if too little of it is visible.
 
-    Each is a point and the vector to another.
+    Each tangent is a point and a vector along it.
     """
     along = end - start
     outward = np.array([along[1], -along[0]]) / np.hypot(*along)
@@ -201,7 +201,7 @@ def _fit_side(
 
 
 def _edges(contrast: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return where each row of (n, m) contrasts is half of that slightly farther out, in samples; and whether it is."""
+    """Return the samples, as fractions, where (n, m) rows have half the contrast farther out; and whether they have."""
     width = contrast.shape[1]
     rows, samples = np.arange(len(contrast)), np.arange(width)
     leaves = (contrast > BAND).argmax(axis=1)
@@ -214,7 +214,7 @@ def _edges(contrast: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 
 def _best_line(share: FloatArray, off: FloatArray) -> FloatArray:
-    """Return (2,) slope and offset of the line through two of (n,) points that is near to most of them."""
+    """Return (2,) slope and offset of the line through two of (n,) points that is near to the most points."""
     chosen = np.linspace(0, len(share) - 1, 12).astype(int)
     one, other = np.triu_indices(12, 1)
     one, other = chosen[one], chosen[other]

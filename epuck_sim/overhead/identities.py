@@ -1,8 +1,8 @@
 """Finds out which flashes are of the same robot, in a film in which robots are dark between their flashes.
 
-Every flash has at most one that follows and one that it follows. Of all ways to link the flashes of some periods, the
-likeliest is taken (`scipy.optimize.linear_sum_assignment`); then what is usual is learnt from it, and they are linked
-again. How much less likely the best way without a link is tells how sure that link is.
+Each flash is linked to at most one before and one after it. Of all ways to link the flashes of some periods, the
+likeliest is taken (`scipy.optimize.linear_sum_assignment`); the robots' habits are learnt from it, and flashes are
+linked again. A link is as certain as the best way without it is unlikely.
 
 How likely one flash follows another is judged by the time between them, and by how robots move. While a robot's ring is
 lit, its place and its velocity are seen; in between it drives straight ahead, or turns once, or does anything that its
@@ -34,18 +34,18 @@ PLAIN_SPREAD = 0.02  # standard deviation of cycles around the period, in period
 MISSED = 0.01  # probability that a flash is not seen
 SPEED_SPREAD = 0.1  # width, relative to the speed, over which the density of speeds is smoothed
 REACH_CM = 1.5  # distance by which a robot may be farther than its speed allows: errors of places and of the speed
-PLACE_CM = 0.3  # standard deviation of places, and of what the straight line ignores, whatever the distance
-TURN_EDGE_S = 0.15  # time by which a turn may seem to have lasted less than nothing
-LEAST_SINE = 0.15  # of the angle between two headings, below which their lines do not tell where a robot turned
-PARALLEL_SINE = 0.03  # of the angle between two headings, below which their lines count as parallel
+PLACE_CM = 0.3  # standard deviation of places, and of deviations from a straight line, whatever the distance
+TURN_EDGE_S = 0.15  # standard deviation of the duration of a turn that seems negative
+LEAST_SINE = 0.15  # sine of the angle between two headings below which their lines do not show where a robot turned
+PARALLEL_SINE = 0.03  # sine of the angle between two headings below which their lines count as parallel
 EDGE_CM = epuck.RADIUS_CM  # distance from the walls within which no robot's middle can be
 
 
 class Identities(NamedTuple):
-    """Whose flashes are whose."""
+    """The robot that each flash belongs to."""
 
     robot: IntArray  # (flashes,) number of the robot, from 0, in order of their first flashes
-    cycle: IntArray  # (flashes,) which of its own flashes this is, from 1
+    cycle: IntArray  # (flashes,) number of the flash among those of its robot, from 1
     certainty: FloatArray
     """(flashes,) probability that the link to the robot's flash before is right, against the best alternative; NaN for
     a robot's first flash."""
@@ -84,7 +84,7 @@ def link_flashes(flashes: FlashTable, period_s: float, floor_cm: tuple[float, fl
 def _costs(
     onset_s: FloatArray, habits: "Habits", candidates: tuple[IntArray, IntArray], costs: FloatArray
 ) -> "csr_array":
-    """Return (flashes, flashes) costs of links, below 0 where one is likelier than an end and a beginning."""
+    """Return (flashes, flashes) costs of links; negative if likelier than a lost robot and a new one."""
     from scipy.sparse import csr_array  # noqa: PLC0415 takes a while to load
 
     source, target = candidates
@@ -128,7 +128,7 @@ def _link(onset_s: FloatArray, costs: "csr_array", block_s: float) -> IntArray:
 def _certainties(links: IntArray, costs: "csr_array", onset_s: FloatArray, period_s: float) -> FloatArray:
     """Return (flashes,) the certainty of the link to each flash from the one before; NaN where there is none.
 
-    Each link is forbidden in turn, and the flashes of the periods around it are linked anew.
+    Each link is forbidden in turn, and the flashes within a period of its first flash are linked anew.
     """
     certainty = np.full(len(links), np.nan)
     linked = np.flatnonzero(links >= 0)
@@ -149,7 +149,7 @@ def _certainties(links: IntArray, costs: "csr_array", onset_s: FloatArray, perio
 
 
 def _number(links: IntArray) -> tuple[IntArray, IntArray]:
-    """Return (flashes,) numbers of the robots, in order of their first flashes, and of each one's flashes, from 1."""
+    """Return (flashes,) numbers of robots, in order of their first flashes, and of flashes within a robot, from 1."""
     robot, cycle = np.full(len(links), -1), np.ones(len(links), np.int64)
     for source, target in enumerate(links):
         if robot[source] < 0:
@@ -160,7 +160,7 @@ def _number(links: IntArray) -> tuple[IntArray, IntArray]:
 
 
 class Ways(NamedTuple):
-    """Ways from one flash to another: how they would differ from a straight one, and from one with a single turn."""
+    """Ways from one flash to another, by their deviations from a straight way and from a way with a single turn."""
 
     gap_s: FloatArray
     distance: FloatArray  # from place to place, cm
@@ -169,7 +169,7 @@ class Ways(NamedTuple):
     swerve: FloatArray  # difference of the headings, rad from -pi to pi
     has_turn: BoolArray
     """Whether the lines ahead of the first and back from the second flash meet on the floor, in time."""
-    turn_s: FloatArray  # time left for the turn, where they do
+    turn_s: FloatArray  # time left for the turn, if there is one
     wall_s: FloatArray  # time after which the line ahead of the first flash meets a wall
 
 
@@ -197,7 +197,7 @@ class Habits(NamedTuple):
         return cls(period_s, speed_cm_s, floor_cm, cycles, kinds, along=0.03, aside=0.06, swerve=0.2, turn_s=0.7)
 
     def relearnt(self, ways: Ways) -> Self:
-        """Return the habits of ways that robots have gone, with a little of those assumed before."""
+        """Return the habits learnt from the ways of robots, mixed with a weak prior."""
         counts, _ = np.histogram(ways.gap_s / self.period_s, BINS, (SHORTEST, LONGEST))
         smooth = np.convolve(counts + 0.02 * len(ways.gap_s) / BINS, (0.2, 0.6, 0.2), "same")
         likely = self._parts(ways)
@@ -231,7 +231,7 @@ class Habits(NamedTuple):
         return np.asarray(np.where(inside, self.cycles[np.clip(place, 0, BINS - 1)], 0.0))
 
     def _parts(self, ways: Ways) -> FloatArray:
-        """Return (3, ways) densities of a way's end if it is straight, has one turn, or is anything, times `kinds`."""
+        """Return (3, ways) densities of a way's end if it is straight, has one turn, or neither, times `kinds`."""
         length = self.speed_cm_s * ways.gap_s
         straight = (
             _normal(ways.along, np.hypot(self.along * length, PLACE_CM))
@@ -259,7 +259,7 @@ def commonest_speed(speeds_cm_s: FloatArray) -> float:
 
 
 def ways_between(flashes: FlashTable, first: IntArray, second: IntArray, habits: Habits) -> Ways:
-    """Return the ways from some flashes to others, (ways,) numbers of each."""
+    """Return the ways from the flashes `first` to the flashes `second`, (ways,) indices into the table."""
     gap_s, speed = flashes.onset_s[second] - flashes.onset_s[first], max(habits.speed_cm_s, 0.05)
     apart = flashes.places_cm[second] - flashes.places_cm[first]
     ahead, after = (_directions(flashes.velocities_cm_s[each]) for each in (first, second))

@@ -1,6 +1,6 @@
-"""Tracks a camera while it films: the swarm is watched, and what is seen is written, until it is synchronised.
+"""Tracks a camera while it films, and writes and shows what it sees, until the swarm is synchronised.
 
-So the experiments measured synchrony, in real time (thesis 4.3.1).
+The experiments also measured synchrony in real time (thesis 4.3.1).
 """
 
 import threading
@@ -60,8 +60,8 @@ def track_camera(
     """Track camera `number`, whose oscillators have a known period, until the swarm is synchronised, or until Ctrl-C.
 
     Files have their names from the beginning, and can be read up to about a second before the last frame, also if the
-    process is killed. A camera that drops out is opened again; if it does not come back, that ends the film. The user
-    is told at once what happens to the camera, and why an answer is not believed.
+    process is killed. A camera that drops out is opened again; if it does not come back, that ends the film. `tell` is
+    called at once with what happens to the camera, and with why synchrony is not yet believed.
 
     Raises:
         FilmError: There is no such camera, or it saw no light.
@@ -110,7 +110,7 @@ def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Cal
 
 
 class _Outputs:
-    """Writes and shows what a camera films, from its first frame on, and what is found once that begins."""
+    """Writes and shows the frames of a camera from the first one on, and the rings once tracking begins."""
 
     def __init__(
         self, live: "LiveCamera", to: Watching, known: TrackOptions, annotator: Annotator, files: ExitStack
@@ -162,7 +162,7 @@ class LiveCamera:
         """Open a camera, 0 for the first; tell when it drops out and is back; raise FilmError if it shows nothing."""
         self.name = f"camera {number}"
         self.warnings: list[str] = []
-        """When it dropped out."""
+        """Sentences about the times at which it dropped out."""
         self._number, self._tell = number, tell
         self._open()
         if not self._capture.isOpened():
@@ -215,7 +215,7 @@ class LiveCamera:
                 frame = self._try_again(str(fault), frame.time_s)
 
     def _grab(self) -> Frame:
-        """Return the next picture; raise FilmError if there is none, or it has not the size of those before."""
+        """Return the next picture; raise FilmError if there is none, or its size differs from those before."""
         grabbed = self._capture.grab()
         time_s = time.monotonic() - self._zero_s  # before decoding, which takes a varying time
         got, picture = self._capture.retrieve() if grabbed else (False, None)
@@ -280,7 +280,7 @@ class _Answer(BaseHTTPRequestHandler):
     server: LivePage
 
     def do_GET(self) -> None:
-        # a page of the web may have a name of its own that leads to this machine
+        # a website may let a host name of its own point to this machine
         if self.headers.get("Host") not in [f"{name}:{self.server.server_port}" for name in (HOST, "localhost")]:
             self.send_error(403, "ask for 127.0.0.1 or localhost")
             return
@@ -294,4 +294,4 @@ class _Answer(BaseHTTPRequestHandler):
             self.wfile.write(content)
 
     def log_message(self, *_: object) -> None:
-        """Keep the terminal for what is told of the film."""
+        """Log nothing: the terminal is for messages about the film."""

@@ -1,8 +1,8 @@
 """Renders one exposure of the overhead camera: lit rings in the dark, or everything in a lit room (thesis 4.3.1).
 
-An overexposed ring of LEDs has a saturated core, and a haze around it. Real films also have what good ones do not:
-rings seen as eight points, and mirror images in the walls. The lit room has floor, walls, obstacles, bodies and tags,
-whose grey levels are our estimates. Each robot is drawn within its bounding box, not over the whole picture.
+An overexposed ring of LEDs has a saturated core, and a haze around it. Some real films also show rings as eight points,
+and mirror images in the walls. The lit room has floor, walls, obstacles, bodies and tags, whose grey levels are our
+estimates. Each robot is drawn within its bounding box, not over the whole picture.
 
 An `image` is (rows, columns) of light or levels, changed in place. `floor_cm` is (rows, columns, 2) cm, the point of
 the floor that each pixel shows, `eye_cm` (3,) cm the position of the camera. `robots` are (n, 7): x, y in cm and
@@ -43,7 +43,7 @@ NOMINAL_EXPOSURE_MS = 20.0  # exposure at which an LED has light 1; our definiti
 WIDTH_CM = 0.3  # standard deviation of the brightness across a ring, which shines through a diffuser
 DEPTH = 0.5  # share by which a ring is darker midway between two of its eight LEDs
 FADE_CM = 1.0  # distance from a ring at which its haze has fallen to 1/e of its brightness
-CORE_CM = 5 * WIDTH_CM  # beyond, the core of a ring adds less than half a level, even in an exposure of one second
+CORE_CM = 5 * WIDTH_CM  # distance beyond which a ring's core adds less than half a level, even in a second's exposure
 FAINT_LEVELS = 0.5  # levels of haze below which it rounds to nothing
 LED_ANGLES = np.arange(8) * math.tau / 8  # of the LEDs of an e-puck, from its heading
 
@@ -58,7 +58,7 @@ PAPER, INK = 225.0, 20.0  # white and black on a tag
 
 WALL_THICKNESS_CM = 1.0
 MODULE_PX = 8  # pixels of a module in the pattern of a tag that is drawn; more than in pictures
-FINER = 4  # pixels along the side of a pixel, over which a tag is averaged
+FINER = 4  # parts of a pixel's side, over which a tag is averaged
 
 NOISE_OFFSETS = 2**20  # number of different places in the noise table at which the noise of a picture may begin
 
@@ -94,7 +94,7 @@ class Renderer:
         seed: int,
         kinds: Sequence[RobotKind] = (EPUCK,),
     ) -> None:
-        """Prepare what all pictures share; kinds: that of each robot, or one for all; seed: that of the noise."""
+        """Prepare what all pictures share; kinds: one for each robot, or one for all; seed: the seed of the noise."""
         self._section, self._camera = section, camera
         sizes = [(kind.radius_cm, kind.height_cm, kind.ring_radius_cm, kind.ring_height_cm) for kind in kinds]
         self._sizes_cm = np.array(sizes, float)
@@ -112,7 +112,7 @@ class Renderer:
     def render(self, samples: Sequence[ExposureSample], *, room_is_lit: bool) -> Picture:
         """Return the picture of one exposure, to which all samples contribute equally.
 
-        A lit room is as bright in a long exposure as in a short one, as if its lamps were dimmed; rings are not.
+        A lit room is as bright in a long exposure as in a short one, as if its lamps were dimmed; rings get brighter.
         """
         ambient = 1.0 if room_is_lit else self._section.ambient
         if not ambient and not any(sample.ring_on.any() for sample in samples):
@@ -189,7 +189,7 @@ class Renderer:
 
 
 class ArenaView:
-    """Draws the robots of one scenario in their arena for people: as the camera sees a lit room, without its faults.
+    """Draws the robots of one scenario in their arena, as a camera without faults sees them in a lit room.
 
     >>> from epuck_sim import ArenaView, Simulation
     >>> simulation = Simulation("thesis", seed=1)
@@ -208,7 +208,7 @@ class ArenaView:
         """Place the camera.
 
         Args:
-            scenario: A scenario of robots, or what `load_scenario` takes; its section `overhead` says where it hangs.
+            scenario: A scenario of robots, or what `load_scenario` takes; its section `overhead` places the camera.
             width_px: Width of pictures, an even number; the scenario's by default.
             height_px: Height of pictures, an even number; the scenario's by default.
 
@@ -250,9 +250,9 @@ def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
 
 
 def bounding_boxes(camera: CameraModel, robots: FloatArray, reach: float) -> IntArray:
-    """Return the pixels within which rings are seen, up to `reach`, cm; none for those outside of the picture.
+    """Return (n, 4) px: the box of each ring and of all within `reach`, cm, of it; empty outside of the picture.
 
-    They are (n, 4): first row, row after the last, first column, column after the last.
+    Its columns are the first row, the row after the last, the first column, and the column after the last.
     """
     if not len(robots):  # OpenCV refuses empty arrays
         return np.empty((0, 4), np.int64)
@@ -385,7 +385,7 @@ def draw_bodies(image: Float32Array, camera: CameraModel, robots: FloatArray) ->
 
 
 def draw_tags(image: Float32Array, camera: CameraModel, robots: FloatArray, dictionary: str, side_cm: float) -> None:
-    """Draw on each robot that is there the tag with its number, if the dictionary has it; side: of the black border."""
+    """Draw on each present robot the tag with its number, if the dictionary has it; side_cm: of the black border."""
     paper_cm = side_cm * (1 + 1 / tag_modules(dictionary))
     off = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * paper_cm / 2  # ahead and to the left, clockwise
     for number, robot in enumerate(robots[: len(tag_dictionary(dictionary).bytesList)]):

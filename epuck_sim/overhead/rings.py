@@ -1,6 +1,6 @@
-"""Finds the lit rings in a picture of the overhead camera (thesis 4.3.1), by their light apart from the room's.
+"""Finds the lit rings in a picture of the overhead camera (thesis 4.3.1), by their light without the room's.
 
-That light is rectified to a view from straight above. A matched filter on a coarse grid finds candidates. From the
+This light is rectified to a view from straight above. A matched filter on a coarse grid finds candidates. From the
 brightest on, each candidate is a ring if a circle of the right size is lit nearly all round, is hollow, and does not
 overlap the rings found before: robots may touch, but not overlap.
 """
@@ -17,28 +17,28 @@ from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.overhead.camera import CameraModel, Frame, Light, Picture
 
 # the light
-LIT_LEVEL = 40  # median level of a picture's darkest colour from which the room is lit: haze of rings is coloured
-LIT_SAMPLES = 80  # pixels along the shorter side that are examined for whether the room is lit
-LEAST_LIGHT = 12  # level from which a pixel shows light; noise in the dark hardly reaches it
+LIT_LEVEL = 40  # least median level of a picture's darkest colour in a lit room: haze of rings is coloured
+LIT_SAMPLES = 80  # pixels along the shorter side that show whether the room is lit
+LEAST_LIGHT = 12  # least level of a pixel that shows light; noise in the dark hardly reaches it
 RISE_PER_S = 10.0  # levels by which the background follows light that stays; a flash of half a second adds 5 of 255
-SPARSE = 8  # distance of the pixels, across and down, by which the usual level of the background is measured
+SPARSE = 8  # distance of the pixels, across and down, that give the usual level of the background
 
 # the view from above
 COARSE_PER_CM = 2  # cells per cm of the coarse grid in which rings are searched; a ring is 14 cells wide
 MAX_FINE_CELLS = 3  # fine cells along a coarse one, at most: 6 a cm locate a ring to a tenth of a millimetre
-MAX_CELLS_PER_PIXEL = 4  # fine cells, at most, unless the coarse grid has more: oblique pixels show much of the plane
+MAX_CELLS_PER_PIXEL = 4  # most fine cells, unless the coarse grid has more: oblique pixels show much of the plane
 MAX_REACH_HEIGHTS = 2.0  # reach of the view from below the camera, in its heights; a visible horizon has no end
-STRAY_CM = 0.5  # largest error of projecting a point and back; beyond the fold of a strong distortion it is larger
+STRAY_CM = 0.5  # largest error when a point is projected and back; beyond the fold of a strong distortion it is larger
 
 # candidates
-MAX_CANDIDATES = 200  # candidates that are examined in a picture, the brightest ones
+MAX_CANDIDATES = 200  # number of brightest candidates that are examined in a picture
 FILTER_WIDTH_CM = 0.45  # standard deviation of the matched filter across the ring, about 1 cm thick when overexposed
 DARK_RADIUS_CM = 2.3  # radius of the dark inside of a ring in the matched filter
 MIN_RELATIVE_LIGHT = 0.25  # light of a ring, relative to the brightest one; reflections on walls and floor are weaker
 MIN_LEVEL_DARK = 8  # levels by which a ring in the dark is brighter than its inside, at its eight points
 POINTS_SHARE = 0.25  # mean light along a ring, relative to that at its points: a short exposure is dark between them
 MIN_LEVEL_LIT = 12  # levels by which a ring in a lit room is more coloured than its inside: its core is nearly white
-CLOSE_CM = 1.5  # distance of a candidate from the centre of its ring, and of light beyond its reach that matters
+CLOSE_CM = 1.5  # margin of the view around a candidate, which may be beside the centre of its ring
 CORE_CM = 1.0  # width of gaps in the colour that are filled in a lit room, where a ring is white between colours
 
 # the fit
@@ -62,7 +62,7 @@ RIDGE = 1e-6  # weight that keeps the least squares solvable where few direction
 # what is a ring
 MIN_DISTANCE_CM = 0.88 * 2 * epuck.RADIUS_CM  # of two centres: robots touch at 2 radii; the scale may be off by a tenth
 RADII = (0.75, 1.2)  # bounds of a ring's radius, relative to the true one: the scale is an estimate, lit rooms pale it
-MAX_RELATIVE_RADIUS = 1.12  # radius relative to the mean of those found before; six rings enclose a sixth larger one
+MAX_RELATIVE_RADIUS = 1.12  # radius relative to the mean of rings found before; six rings enclose a circle 1/6 larger
 MAX_FLATTENING = 0.25  # of a ring, relative to its radius: the lens and the tilt are estimates, too
 MAX_MISFIT_CM = 0.2  # root mean square distance of the light's inner edge from the circle; 0.04 cm in usual pictures
 MIN_COVERED = 0.85  # share of the directions in which a ring is lit
@@ -72,7 +72,7 @@ MAX_BEYOND_LIT = 1.5  # the same in a lit room, where haze is coloured and cores
 
 # rings that are burnt out
 SATURATED_LEVEL = 220  # level, without the background, of light that is burnt out in all colours
-HOLE_CM = 2.0  # width of holes in a disc that are filled; the inside of a ring that is none is 5 cm wide
+HOLE_CM = 2.0  # width of holes in a disc that are filled; the inside of a ring that is not burnt out is 5 cm wide
 DISC_RADII_CM = (2.8, 9.0)  # bounds of the radius of rings that are burnt out to discs
 DISC_LIGHT = 256.0  # light of such a ring: more than a picture's levels can show
 _NEAR = np.ones((5, 5), np.uint8)
@@ -95,17 +95,17 @@ def is_lit(picture: Picture) -> bool:
 
 
 def median(levels: npt.NDArray[np.uint8]) -> float:
-    """Return the median of some levels, for which NumPy's function takes several times as long."""
+    """Return the median of some levels, several times as fast as NumPy's function."""
     below, above = (levels.size - 1) // 2, levels.size // 2
     ordered = np.partition(levels, (below, above), axis=None)
     return (float(ordered[below]) + float(ordered[above])) / 2
 
 
 def ring_light(picture: Picture, room: list[Light] | None = None) -> tuple[Light, bool]:
-    """Return the light of rings in a picture, and whether the room is lit; `room` is for its three colours meanwhile.
+    """Return the light of rings in a picture, and whether the room is lit; `room` is a buffer for its three colours.
 
-    It is the mean of the colours: a ring that burns out in one still has its shape in the others. In a lit room it is
-    their difference: grey things are no rings.
+    The light is the mean of the colours: a ring that burns out in one still has its shape in the others. In a lit room
+    it is their difference: grey things are no rings.
     """
     red, green, blue = cv2.split(picture, room)
     if is_lit(picture):
@@ -118,16 +118,16 @@ def ring_light(picture: Picture, room: list[Light] | None = None) -> tuple[Light
 class Background:
     """Learns the background of the dark frames of a film: the least light of each pixel, which rises slowly.
 
-    What goes off leaves the background at once, what goes on joins it within half a minute.
+    Light that goes off leaves the background at once; light that goes on joins it within half a minute.
     """
 
     def __init__(self, levels: Light | None = None) -> None:
         self.levels = levels
         self._rise = self._last_s = 0.0
-        self._room: list[Light] | None = None  # for the colours of a picture: made anew, it takes longer than they do
+        self._room: list[Light] | None = None  # buffer for a picture's colours, which is slow to allocate
 
     def light_beyond(self, frame: Frame) -> tuple[Light, bool]:
-        """Learn from the next frame; return the light of its rings, and whether the room is lit, without background."""
+        """Learn from the next frame; return the light of its rings without background, and whether the room is lit."""
         if self._room is None:
             self._room = [np.empty(frame.picture.shape[:2], np.uint8) for _ in range(3)]
         light, room_is_lit = ring_light(frame.picture, self._room)
@@ -143,12 +143,12 @@ class Background:
         return np.asarray(cv2.subtract(light, self.levels, light), np.uint8), False
 
     def usual(self) -> float:
-        """Return its median level, to which the even light of a room is near; 0 if there is no background yet."""
+        """Return its median level, which is near the even light of a room; 0 if there is no background yet."""
         return 0.0 if self.levels is None else median(self.levels[::SPARSE, ::SPARSE])
 
 
 def _least_squares(design: FloatArray) -> FloatArray:
-    """Return (terms, n) what gives the terms of n values, in the sense of least squares."""
+    """Return the (terms, n) matrix that gives the least-squares terms of n values."""
     squares = design.T @ design + RIDGE * np.eye(design.shape[1])
     return np.asarray(np.linalg.solve(squares, design.T), np.float64)
 
@@ -230,7 +230,7 @@ class RingFinder:
         return fits + self._discs(levels, fits) if self._sees_discs and not room_is_lit else fits
 
     def _discs(self, levels: Light, found: list[Fit]) -> list[Fit]:
-        """Return rings that are burnt out to discs, beside those found: middles of saturated light, widest first."""
+        """Return further rings that are burnt out to discs: middles of saturated light, widest first."""
         if cv2.minMaxLoc(levels)[1] < SATURATED_LEVEL:
             return []
         cells = self.view.cells_per_cm
@@ -248,7 +248,7 @@ class RingFinder:
 
 
 def _is_ring(fit: Fit, most_beyond: float, found: list[Fit], cells_per_cm: int) -> bool:
-    """Return whether a fit is a ring beside those found, and not the space that they enclose."""
+    """Return whether a fit is a ring that is apart from those found, and not the space that they enclose."""
     usual_cm = np.mean([other.radius_cm for other in found]) if found else math.inf
     return bool(
         RADII[0] <= fit.radius_cm / epuck.RING_RADIUS_CM <= RADII[1]
@@ -318,16 +318,16 @@ class RectifiedView:
         return np.asarray(cv2.remap(light, pixels[part], fractions[part], cv2.INTER_LINEAR), np.uint8)
 
     def around(self, light: Light, column: float, row: float, gaps_cm: float) -> tuple[Light, int, int]:
-        """Return the part of the view from which a ring around a cell is fitted, and its first column and row."""
+        """Return the part of the view that a ring around a cell is fitted to, and its first column and row."""
         half = math.ceil((REACH_CM + CLOSE_CM) * self.cells_per_cm)
         left, low = max(int(column) - half, 0), max(int(row) - half, 0)
         part = slice(low, int(row) + half), slice(left, int(column) + half)
         return _close_gaps(self.sample(light, part), gaps_cm * self.cells_per_cm), left, low
 
     def candidates(self, light: Light, gaps_cm: float, least: float) -> tuple[FloatArray, float]:
-        """Return (n, 2) columns and rows around which rings seem to be, the brightest first, and their least light.
+        """Return (n, 2) columns and rows of candidates, the brightest first, and the least light that they may have.
 
-        That of a ring is the mean light on it less that inside: at least `least`, and not dim beside the brightest.
+        The light of a ring is the mean on it less the mean inside: at least `least`, and not dim beside the brightest.
         """
         smooth = cv2.blur(light, (self._smooth_px, self._smooth_px))
         coarse = np.asarray(cv2.remap(smooth, *self._coarse, cv2.INTER_LINEAR), np.uint8)
@@ -355,7 +355,7 @@ def _map_of_plane(camera: CameraModel, first_cm: FloatArray, size: tuple[int, in
 
 
 def _is_stray(camera: CameraModel, pixels: FloatArray, first_cm: FloatArray) -> BoolArray:
-    """Return (rows, columns) whether pixels that a coarse grid is mapped to show other places, beyond a lens's fold."""
+    """Return (rows, columns) whether a cell's pixel shows another place, as beyond the fold of a lens's distortion."""
     rows, columns, _ = pixels.shape
     if not camera.lens.is_fisheye and not any(camera.lens.coefficients):
         return np.zeros((rows, columns), bool)
@@ -366,7 +366,7 @@ def _is_stray(camera: CameraModel, pixels: FloatArray, first_cm: FloatArray) -> 
 
 def _fixed_point_map(cells: npt.NDArray[Any]) -> FixedPointMap:
     """Return OpenCV's map from (rows, columns, 3) cells: column, row, and whether the picture does not show it."""
-    at_column, at_row = np.moveaxis(np.where(cells[..., 2:] > 0, -10, cells[..., :2]), -1, 0)  # no light is outside
+    at_column, at_row = np.moveaxis(np.where(cells[..., 2:] > 0, -10, cells[..., :2]), -1, 0)  # outside: no light
     whole, fractions = cv2.convertMaps(at_column.astype(np.float32), at_row.astype(np.float32), cv2.CV_16SC2)
     return np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)
 
@@ -386,9 +386,9 @@ def _extent_cm(camera: CameraModel, above_cm: float) -> tuple[FloatArray, FloatA
 def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: float) -> Fit | None:
     """Fit a circle to a ring whose centre is within about 1 cm of a cell of the view.
 
-    The inner edge of the light is at r(theta) = R + dx cos(theta) + dy sin(theta), and two terms of twice the angle,
-    for a centre that is off by (dx, dy). Least squares over `BINS` directions give them; this is repeated from the new
-    centre. The inner edge is used, because other rings that touch the ring shine outside of it.
+    If the centre is off by (dx, dy), the inner edge of the light is at r(theta) = R + dx cos(theta) + dy sin(theta),
+    plus two terms of twice the angle. They are fitted by least squares over `BINS` directions, again and again from the
+    new centre. The inner edge is used, because other rings that touch the ring shine outside of it.
 
     Returns:
         The circle; None if half of the ring is missing, or if its median level is not `least` above its inside.
@@ -454,7 +454,7 @@ def _join_leds(profile: Light) -> Light:
 
 
 def _edge(profile: Light, level: float) -> tuple[FloatArray, BoolArray]:
-    """Return (BINS,) cm: where (BINS, n) samples first reach a level, from the first sample; and whether they do."""
+    """Return (BINS,) cm from the first sample to where (BINS, n) samples reach a level; and whether they reach it."""
     first = (profile >= level).argmax(axis=1)
     after = profile[_ROWS, first].astype(np.float64)
     before = profile[_ROWS, np.maximum(first - 1, 0)]
@@ -479,9 +479,9 @@ def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _outline(profile: Light, expected: FloatArray, level: float) -> FloatArray:
-    """Fit the middle of the light, which joining gaps would flatten less: the light itself counts, at the LEDs most.
+    """Fit the middle of the light itself, mostly at the LEDs: light with joined gaps would be less flattened.
 
-    It is about at the (BINS,) expected distances; light below the level does not count. The result is as of `_circle`.
+    It is near the (BINS,) expected distances; light below the level does not count. Return (5,) cm as `_circle`.
     """
     away = _RADII - expected[:, None]
     weights = np.where(np.abs(away) <= OUTSIDE_CM, np.maximum(profile - level, 0.0), 0.0)

@@ -1,4 +1,4 @@
-"""Who is who in a film, by motion or by tags, and the tables that follow: flashes, a trace, pairs of robots."""
+"""Identifies robots in a film, by motion or by tags, and makes tables of flashes, a trace, and pairs of robots."""
 
 import json
 from collections.abc import Mapping
@@ -21,20 +21,20 @@ from epuck_sim.overhead.track import Track
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import versions
 
-MANY_UNSURE = 0.05  # share of unsure links from which there is a warning
+MANY_UNSURE = 0.05  # share of unsure links above which there is a warning
 
-TOGETHER = 0.5  # share of the flashes of two robots from which they are a pair that flashes together
-MOST_KNOWN = 0.75  # share of the robots whose phase must be known for an order parameter
-SELDOM = 0.02  # share of the frames below which a number is a misreading of another tag, or of none
+TOGETHER = 0.5  # least share of common flashes of two robots that flash together
+MOST_KNOWN = 0.75  # least share of robots with a known phase for an order parameter
+SELDOM = 0.02  # share of the frames below which a tag's number is a misreading
 NEAR_CM = 0.8 * epuck.RADIUS_CM  # largest distance of a flash from its robot's tag; the next robot is two radii away
-MAX_GAP_S = 1.5  # longest time without a reading over which a robot's way is taken to be straight
+MAX_GAP_S = 1.5  # longest time between two readings over which a robot's poses are interpolated
 
-TIMES = ("time_s", "onset_s", "duration_s")  # columns of times, none of which is unknown
+TIMES = ("time_s", "onset_s", "duration_s")  # columns of times, which are always known
 Columns = dict[str, npt.NDArray[Any]]  # columns of equal length, by their names
 
 
 class Robots(NamedTuple):
-    """The robots of a film, and whose flashes are whose."""
+    """The robots of a film, and the flashes of each."""
 
     by: Literal["motion", "tags"]  # how they are identified
     flashes: FlashTable
@@ -46,7 +46,7 @@ class Robots(NamedTuple):
 
 
 def find_robots(track: Track) -> Robots:
-    """Return the robots of a film: by tags if these were looked for, FilmError if none is read; or by how they move."""
+    """Return the robots of a film, by tags if the track has them, else by motion; raise FilmError if no tag is read."""
     flashes = FlashTable.of(track.flashes)
     if track.tags is not None:
         return _by_tags(track, flashes, track.tags)
@@ -79,7 +79,7 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     own = [readings.of(readings.number == number) for number in numbers]
     poses = np.stack([_poses_at(track.times_s, each) for each in own], axis=1)
     robot = _whose(flashes, numbers, poses, track.times_s)
-    is_whole = (flashes.onset_s > track.times_s[0]) & (flashes.end_s < track.times_s[-1])  # else it may be one frame
+    is_whole = (flashes.onset_s > track.times_s[0]) & (flashes.end_s < track.times_s[-1])  # if cut, it may be one frame
     if unknown := np.count_nonzero((robot < 0) & is_whole):
         warnings.append(
             f"flashes that are under no tag: {unknown} of {len(robot)}; there are robots without a tag, or whose tag "
@@ -97,7 +97,7 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
 
 
 def _only_expected(readings: Readings, expected: frozenset[int] | None, frames: int, warnings: list[str]) -> Readings:
-    """Return the readings of tags that there are, and say which others there were."""
+    """Return the readings of the expected tags, or of those read often; warn of others."""
     numbers, counts = np.unique(readings.number, return_counts=True)
     others = seldom = counts < max(2.0, SELDOM * frames)
     named, why = numbers[seldom], f"are read in less than {100 * SELDOM:.0f} % of the frames"
@@ -110,7 +110,7 @@ def _only_expected(readings: Readings, expected: frozenset[int] | None, frames: 
 
 
 def _only_once(readings: Readings, warnings: list[str]) -> Readings:
-    """Return the readings of numbers that a frame has once, and say which it has twice."""
+    """Return the readings of tags that a frame shows once; warn of those that it shows twice."""
     key = np.stack([readings.time_s, readings.number])
     _, inverse, counts = np.unique(key, axis=1, return_inverse=True, return_counts=True)
     is_twice = counts[np.ravel(inverse)] > 1
@@ -133,7 +133,7 @@ def _poses_at(times_s: FloatArray, own: Readings) -> FloatArray:
 
 
 def _whose(flashes: FlashTable, numbers: IntArray, poses: FloatArray, times_s: FloatArray) -> IntArray:
-    """Return (flashes,) the numbers of the tags nearest to flashes, -1 where none is near."""
+    """Return (flashes,) the number of the tag nearest to each flash, -1 where none is near."""
     middle = np.searchsorted(times_s, (flashes.onset_s + flashes.end_s) / 2)
     at = poses[np.clip(middle, 0, len(times_s) - 1), :, :2]
     distances = np.linalg.norm(at - flashes.places_cm[:, None], axis=2)
@@ -146,8 +146,8 @@ def phase_shares(
 ) -> FloatArray:
     """Return (times, robots) the phases of robots at some times, as shares of their cycles; NaN where not known.
 
-    A phase rises evenly from one flash of a robot to its next. It is not known before its first flash, after a period
-    since its last, and where flashes are missing. The (flashes,) onsets are ascending; `robot` says whose each is.
+    A phase rises evenly from one flash of a robot to its next. It is unknown before the first flash, from a period
+    after the last one on, and where flashes are missing. `onset_s`, ascending, and `robot` are (flashes,).
     """
     shares = np.full((len(times_s), len(robots)), np.nan)
     for column, number in enumerate(robots):
@@ -173,9 +173,9 @@ def order_of_shares(shares: FloatArray) -> FloatArray:
 
 
 def pair_columns(_: Track, robots: Robots) -> Columns:
-    """Return a table with a row for each two robots, those that flash together most often first.
+    """Return a table with a row for each pair of robots, those that flash together most often first.
 
-    It has the number of flashes of the one with fewer, how many of these overlap with one of the other, and the share.
+    It has the number of flashes of the robot with fewer, how many of these overlap with the other's, and their share.
     """
     whose, flashes, found = robots.identities.robot, robots.flashes, []
     spans = {each: (flashes.onset_s[whose == each], flashes.end_s[whose == each]) for each in robots.numbers.tolist()}
@@ -210,7 +210,7 @@ def summary(track: Track, robots: Robots) -> dict[str, Any]:
 
 
 def flash_columns(track: Track, robots: Robots) -> Columns:
-    """Return a table with a row for each flash: when, how long and where, whose, and how sure that is."""
+    """Return a table with a row for each flash: its time, duration and place, its robot, and how certain that is."""
     flashes, who, span_s = robots.flashes, robots.identities, (track.times_s[0], track.times_s[-1])
     order, _ = order_over_time(flashes.onset_s, track.period_s)
     return {
@@ -228,7 +228,7 @@ def flash_columns(track: Track, robots: Robots) -> Columns:
 
 
 def trace_columns(track: Track, robots: Robots) -> Columns:
-    """Return a table with a row for each robot in each frame, whose columns a trace of a simulation has, too."""
+    """Return a table with a row for each robot in each frame; traces of simulations have these columns, too."""
     times_s = track.times_s
     places, is_lit = _while_lit(robots, times_s)
     poses = np.full((*is_lit.shape, 3), np.nan) if robots.poses is None else robots.poses.copy()
@@ -247,14 +247,14 @@ def trace_columns(track: Track, robots: Robots) -> Columns:
 def save_robots(
     track: Track, robots: Robots, flashes: Path | None, trace: Path | None, pairs_file: Path | None
 ) -> None:
-    """Write the tables that are asked for; raise EpuckSimError where one cannot be written."""
+    """Write the tables whose paths are given; raise EpuckSimError where one cannot be written."""
     for path, columns in ((flashes, flash_columns), (trace, trace_columns), (pairs_file, pair_columns)):
         if path is not None:
             write_table(path, columns(track, robots), {"film": track.film, "versions": json.dumps(versions())})
 
 
 def _phases(track: Track, robots: Robots, times_s: FloatArray) -> FloatArray:
-    """Return (times, robots) phases as `phase_shares`; flashes that the first frame shows may have begun before."""
+    """Return (times, robots) phases, see `phase_shares`, without flashes that may have begun before the first frame."""
     onsets_s = robots.flashes.onset_s
     has_begun = onsets_s > track.times_s[0]
     whose = robots.identities.robot[has_begun]
@@ -267,7 +267,7 @@ def _order(track: Track, robots: Robots) -> FloatArray:
 
 
 def _while_lit(robots: Robots, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return (frames, robots, 2) cm: where robots are while they are lit, else NaN; and (frames, robots) whether."""
+    """Return (frames, robots, 2) cm: places of lit robots, else NaN; and (frames, robots) whether each is lit."""
     places = np.full((len(times_s), len(robots.numbers), 2), np.nan)
     is_lit = np.zeros(places.shape[:2], bool)
     flashes = robots.flashes

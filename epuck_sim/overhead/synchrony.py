@@ -1,10 +1,10 @@
 """Estimates the period of oscillators and detects synchrony, by onsets or by the histogram of thesis 4.3.1, Fig. 4.6.
 
-`times_s` are (n,) times of frames, rising, `counts` (n,) the lit rings in them. A frame stands for the time until the
-next one, so frames may come at any rate or be dropped; what was lit in a longer gap is unknown.
+`times_s` are (n,) rising times of frames, `counts` the (n,) numbers of lit rings in them. A frame stands for the time
+until the next one, so frames may come at any rate or be dropped; the light in a longer gap is unknown.
 
 The mode is the largest count within half a period on either side. It is a run of frames with one count, and its time is
-the middle of the run; with that of its first frame, the window would lie half a flash too early. Of equal modes less
+the middle of the run; at the first frame of the run, the window would lie half a flash too early. Of equal modes less
 than half a period apart, the earlier one counts. Two clusters of equal size are evaluated once or twice a cycle, and
 their spread is about a quarter of a period.
 
@@ -27,8 +27,8 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 ORDER_PARAMETER = 0.95  # order parameter r_sync at which a swarm counts as synchronised (thesis 4.2.1)
 
 MAX_HOLD_INTERVALS = 3.0  # longest time for which a frame stands, in median intervals: bridges one or two dropped ones
-MIN_COVERAGE = 0.95  # share of a period that must be seen: no flash of 0.075 periods (thesis 4.2.1) hides in the rest
-MIN_RINGS = 2  # rings lit at the mode of a synchronised swarm: a lone flash is narrow, but in step with nobody
+MIN_COVERAGE = 0.95  # least share of a period that is seen: no flash of 0.075 periods (thesis 4.2.1) hides in the rest
+MIN_RINGS = 2  # fewest rings at the mode of a synchronised swarm: a lone flash is narrow, but in step with nobody
 
 
 class Evaluation(NamedTuple):
@@ -52,21 +52,21 @@ class SynchronyDetector:
         self._earliest_s = 0.0  # earliest time of the next mode
 
     def update(self, time_s: float, count: int) -> Evaluation | None:
-        """Add a frame, after those before; return the evaluation that it completes, if it completes one.
+        """Add the next frame; return the evaluation that it completes, or None.
 
-        It is complete half a period after its mode, or later where frames are missing. A mode less than half a period
-        after the first frame is not evaluated, because the period around it was not filmed.
+        An evaluation is complete half a period after its mode, or later where frames are missing. A mode less than half
+        a period after the first frame is not evaluated, because the period around it was not filmed.
         """
         if not self._times:
             self._run_s, self._earliest_s = time_s, time_s + self._period_s / 2
         elif count != self._counts[-1]:
-            if self._counts[-1] and time_s - self._run_s < self._period_s:  # a light that is longer is no flash
+            if self._counts[-1] and time_s - self._run_s < self._period_s:  # a longer light is no flash
                 self._runs.append(((self._run_s + time_s) / 2, self._counts[-1]))
             self._run_s = time_s
         self._times.append(time_s)
         self._counts.append(count)
         half_s = self._period_s / 2
-        evaluation = None  # of runs that ended half a period ago, one at most is a mode, as modes are that far apart
+        evaluation = None  # at most one of the runs due now is a mode, as modes are half a period apart
         while self._runs and self._runs[0][0] + half_s <= time_s:
             middle_s, count = self._runs.popleft()
             first, end = bisect_right(self._times, middle_s - half_s) - 1, bisect_left(self._times, middle_s + half_s)
@@ -85,7 +85,7 @@ def evaluate(times_s: FloatArray, counts: IntArray, period_s: float) -> list[Eva
 
 
 def _around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntArray) -> Evaluation:
-    """Evaluate the period around a time, from frames within it and the one before, which stands for its beginning."""
+    """Evaluate the period around a time, from the frames within it and the one before, which covers its beginning."""
     window = middle_s - period_s / 2, middle_s + period_s / 2
     begins_s = np.clip(times_s, *window)
     ends_s = np.clip(frame_ends(times_s, window[1]), *window)
@@ -96,7 +96,7 @@ def _around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntAr
 
 
 def frame_ends(times_s: FloatArray, end_s: float) -> FloatArray:
-    """Return (n,) s: the time until which each of two frames or more stands; the last one until `end_s` at most."""
+    """Return (n,) s: the time until which each frame stands, the last one until `end_s` at most; n >= 2."""
     longest_s = MAX_HOLD_INTERVALS * np.median(np.diff(times_s))
     return np.asarray(np.minimum(np.append(times_s[1:], end_s), times_s + longest_s))
 
@@ -108,7 +108,7 @@ def is_synchronised(evaluation: Evaluation, threshold_s: float) -> bool:
 
 
 def firing_spread_s(period_s: float, order_parameter: float = ORDER_PARAMETER) -> float:
-    """Return sigma_A: if half of the firings are early by it and half are late by it, they have this order parameter.
+    """Return sigma_A: firings, half of them early by it and half of them late by it, have this order parameter.
 
     The source is eq. C.2, whose last term must read cos(2 pi sigma_A / tau).
 
@@ -125,7 +125,7 @@ def spread_threshold_s(period_s: float, flash_s: float) -> float:
     flashes are sigma_A - flash / 2 off. In frames, with sigma_A = 4 and flashes of 5, the bound is sqrt(6) = 2.449 for
     every even number of robots; the thesis prints 2.49, and uses 2 frames. Here time is not cut into frames.
 
-    The longer the flash, the less room is left for its beginning, and none from 2 sigma_A on. But robots whose clocks
+    The longer the flash, the less its beginning may vary, and not at all from 2 sigma_A on. But robots whose clocks
     differ, filmed in frames, are never closer than about a frame. So the middles may always be off by sigma_A / 4: a
     frame of the thesis's camera, and their distance at a flash of 1.5 sigma_A, where the bound is lowest, sigma_A / 2.
 
@@ -139,8 +139,8 @@ def spread_threshold_s(period_s: float, flash_s: float) -> float:
 def order_over_time(onsets_s: FloatArray, period_s: float) -> tuple[FloatArray, IntArray]:
     """Return (n,) order parameters (eq. 4.2) and numbers of the onsets within half a period of each onset.
 
-    Onsets are ascending. Every robot flashes once a period, so that these are one onset of each, whosever they are;
-    before synchrony some cycles are shortened, and a robot may be among them twice.
+    Onsets are ascending. Every robot flashes once a period, so that these are one onset of each robot; before synchrony
+    some cycles are shortened, and a robot may be among them twice.
     """
     first = np.searchsorted(onsets_s, onsets_s - period_s / 2)
     end = np.searchsorted(onsets_s, onsets_s + period_s / 2)
@@ -150,10 +150,10 @@ def order_over_time(onsets_s: FloatArray, period_s: float) -> tuple[FloatArray, 
 
 
 class Periods:
-    """The periods around onsets that were filmed whole and hold enough flashes, those of most robots."""
+    """The periods around onsets that were filmed whole and hold the flashes of most robots."""
 
     def __init__(self, onsets_s: FloatArray, period_s: float, span_s: tuple[float, float], least: float) -> None:
-        """Choose those around (n,) onsets that are within the span of the film and hold at least so many onsets."""
+        """Choose the periods around (n,) onsets that are within the film's span and hold at least `least` onsets."""
         order, numbers = order_over_time(onsets_s, period_s)
         is_whole = is_filmed(onsets_s, period_s, span_s) & (numbers >= least)
         self.onset_s, self.order, self.numbers = onsets_s[is_whole], order[is_whole], numbers[is_whole]
@@ -164,9 +164,9 @@ class Periods:
         return float(found[0]) if len(found) else None
 
     def robots(self) -> int:
-        """Return the number of flashes in the fifth of the periods in which they are nearest together, 0 if none is.
+        """Return the median number of flashes in the fifth of the periods with the highest order; 0 without periods.
 
-        That is one of each robot; before synchrony a robot may flash twice in a period.
+        It is one flash of each robot; before synchrony a robot may flash twice in a period.
         """
         nearest = self.numbers[np.argsort(-self.order, kind="stable")][: max(len(self.numbers) // 5, 1)]
         return round(float(np.median(nearest))) if len(nearest) else 0
@@ -180,7 +180,7 @@ def is_filmed(onsets_s: FloatArray, period_s: float, span_s: tuple[float, float]
 def order_at_end(onsets_s: FloatArray, period_s: float, end_s: float, robots: int) -> float:
     """Return the highest order parameter at the onsets of the last half period, whose next flashes were not filmed.
 
-    Robots have the last flashes, one each, and phases since these; a flash seen since may have advanced one.
+    Phases count from the last `robots` flashes, one of each robot; a flash seen since may have advanced a phase.
     """
     highest = 0.0
     for last in range(robots - 1, len(onsets_s)) if robots > 1 else ():
@@ -195,13 +195,13 @@ MIN_PERIODS = 2.5  # minimum number of periods in a film; with fewer, any chance
 MIN_CORRELATION = 0.3
 """Minimum autocorrelation at the period in a film of many periods: above that of robots that flash at random for a
 minute, below that of simulated trials that end with a synchronised cycle or two."""
-AS_HIGH = 0.92  # height of a peak, relative to the highest, that counts as equal: the shortest such lag is the period
+AS_HIGH = 0.92  # least height of a peak, relative to the highest, that counts as equal; the shortest such lag is taken
 PERIOD_RANGE = (0.9, 1.2)
 """Bounds of the period, as multiples of the autocorrelation's lag, which is too short rather than too long: a flash
 that is seen can only shorten a cycle (thesis eq. 4.1)."""
-AS_COMMON = 0.7  # relative frequency at which a lag over several cycles is trusted to refine the period
+AS_COMMON = 0.7  # least frequency, relative to single cycles, of a lag over several cycles that refines the period
 MAX_CYCLES = 10  # cycles over which the period is refined; over more, clocks differ by more than the gain
-NEARLY_AS_COMMON = 0.8  # density of a lag, relative to the highest, from which it counts as equally common
+NEARLY_AS_COMMON = 0.8  # least density of a lag, relative to the highest, that counts as equally common
 MEAN_SHIFTS = 10  # iterations by which a peak of the density is located
 
 
@@ -211,7 +211,7 @@ def estimate_period_s(times_s: FloatArray, counts: IntArray) -> float | None:
     The highest peak of the counts' autocorrelation gives a first estimate; cycles in which many rings flash together
     weigh most. The period is then the commonest time between rings going on. Before synchrony many cycles are
     shortened, each by a different time; so the longest of nearly equally common times is taken. Clusters of nearly
-    equal size that are spaced evenly over the period, all film long, look like one cluster of a shorter period.
+    equal size that stay evenly spaced over the period in the whole film look like one cluster of a shorter period.
     """
     if len(times_s) < 4:
         return None
@@ -227,8 +227,8 @@ def estimate_period_s(times_s: FloatArray, counts: IntArray) -> float | None:
 def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
     """Return the duration of a flash, the commonest time from rings going on to rings going off; None if none does.
 
-    All light over the number of times that a ring goes on would be too long where one goes on as another goes off, and
-    too short where a lit ring is missed in a frame and seems to go on twice.
+    All light, divided by the number of onsets, would be too long where one ring goes on as another goes off, and too
+    short where a lit ring is missed in a frame and seems to go on twice.
     """
     onsets, ends = _changes(times_s, counts, 1), _changes(times_s, counts, -1)
     if not len(onsets[0]) or not len(ends[0]):
@@ -298,9 +298,9 @@ def _refine_period_s(onsets: Events, period_s: float, frame_s: float, film_s: fl
 
 
 def _common_lags_s(causes: Events, effects: Events, range_s: tuple[float, float], frame_s: float) -> FloatArray:
-    """Return the commonest lags, ascending, from some events to others; they are within a range, but for its end.
+    """Return the commonest lags from causes to effects, ascending, within a range without its end.
 
-    Peaks of their density are climbed to from bins of a quarter of a frame.
+    A mean shift finds the peaks of their density, from bins of a quarter of a frame.
     """
     lags_s, weights = _lags(causes, effects, range_s)
     if not len(lags_s):
@@ -335,7 +335,7 @@ def _local_maxima(values: FloatArray) -> IntArray:
 
 
 def mean_shift(lags_s: FloatArray, weights: FloatArray, start_s: float, frame_s: float) -> tuple[float, float]:
-    """Return the peak of the density of (pairs,) lags that is climbed to from a start, and the density there."""
+    """Return the peak of the density of (pairs,) lags that is reached from a start, and the density there."""
     peak_s = start_s
     for _ in range(MEAN_SHIFTS):
         near = weights * _gaussian((lags_s - peak_s) / frame_s)
@@ -346,5 +346,5 @@ def mean_shift(lags_s: FloatArray, weights: FloatArray, start_s: float, frame_s:
 
 
 def _gaussian(frames: FloatArray) -> FloatArray:
-    """Return the kernel of the density, as wide as a frame: one lag may appear as two that differ by one."""
+    """Return the kernel of the density, as wide as a frame: one lag may appear as two that differ by a frame."""
     return np.asarray(np.exp(-(frames**2) / 2))

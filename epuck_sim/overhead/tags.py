@@ -1,4 +1,4 @@
-"""ArUco tags on top of robots, and how they are read in a film, in the light or by infrared light.
+"""Reads ArUco tags on top of robots in a film, in the light or by infrared light.
 
 A tag lies flat on top of a robot, its middle above the robot's, the top of its pattern ahead.
 """
@@ -13,15 +13,15 @@ from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.camera import CameraModel, Frame, Light, Picture
 
-BRIGHT = 200.0  # level to which the paper of tags is brightened: OpenCV's thresholds are those of well lit pictures
+BRIGHT = 200.0  # level to which the paper of tags is brightened: OpenCV's thresholds are meant for well lit pictures
 MAX_GAIN = 10.0  # largest factor by which pictures are brightened: more would show noise alone
 PAPER_SHARE = 0.98  # share of the pixels that are darker than the paper of tags
-SAMPLED_PX = 4  # distance of the pixels from which the brightness is known
+SAMPLED_PX = 4  # distance of the pixels whose brightness is sampled
 WINDOWS_CM = (1.9, 3.4)
-"""Sides of the squares around a pixel whose mean decides whether it is black or white. Of tags of 4 cm in dim light
-the first finds 99.8 % of what both find, in half the time."""
-LEAST_MODULE_PX = 1.5  # side of a tag's modules below which nothing is read
-LARGEST_TAG_CM = 4 * epuck.RADIUS_CM  # largest square that is taken for a tag, with a margin for cameras askew
+"""Sides of the squares around a pixel whose mean decides whether it is black or white. In dim light, the first alone
+finds 99.8 % of the 4 cm tags that both find, in half the time."""
+LEAST_MODULE_PX = 1.5  # least side of the modules of a tag that is read
+LARGEST_TAG_CM = 4 * epuck.RADIUS_CM  # largest side of a square that may be a tag, with a margin for tilted cameras
 
 
 def tag_dictionary(name: str) -> cv2.aruco.Dictionary:
@@ -43,12 +43,12 @@ class Readings(NamedTuple):
     """(readings, 3) cm, cm, rad: x and y of the middle, and direction of the pattern's top, from -pi to pi."""
 
     def of(self, keep: BoolArray) -> "Readings":
-        """Return some of them."""
+        """Return the readings for which `keep` is true."""
         return Readings(self.time_s[keep], self.number[keep], self.poses[keep])
 
 
 class TagReader:
-    """Reads tags in the pictures of one camera, and keeps what was read of frames."""
+    """Reads tags in the pictures of one camera, and keeps the readings."""
 
     def __init__(self, camera: CameraModel, dictionary: str) -> None:
         self._camera = camera
@@ -56,7 +56,7 @@ class TagReader:
             cv2.aruco.ArucoDetector(tag_dictionary(dictionary), _parameters(camera, dictionary, windows_cm))
             for windows_cm in (WINDOWS_CM[:1], WINDOWS_CM)
         )
-        self._most = 0  # tags that a picture had so far
+        self._most = 0  # largest number of tags in a picture so far
         self._rows: list[tuple[float, ...]] = []
 
     def readings(self, start_s: float) -> Readings:
@@ -66,7 +66,7 @@ class TagReader:
         return Readings(rows[:, 0], rows[:, 1].astype(np.int64), rows[:, 2:])
 
     def read(self, frame: Frame) -> None:
-        """Keep the tags in the next frame."""
+        """Read and keep the tags in the next frame."""
         bright = _brightened(frame.picture)
         corners, numbers, _ = self._quick.detectMarkers(bright)
         if len(corners) < self._most:  # some are gone, or hard to see
@@ -82,7 +82,7 @@ class TagReader:
 
 
 def _parameters(camera: CameraModel, dictionary: str, windows_cm: Sequence[float]) -> cv2.aruco.DetectorParameters:
-    """Return how a detector looks for tags: no smaller than can be read, no larger than robots, with these windows."""
+    """Return a detector's parameters: the windows, and tags no smaller than can be read, no larger than robots."""
     x_px, y_px = camera.width_px / 2, camera.height_px / 2
     ends_cm = camera.back_project(np.array([[x_px, y_px], [x_px + 1, y_px]]), epuck.HEIGHT_CM)
     px_per_cm = 1 / float(np.linalg.norm(ends_cm[1] - ends_cm[0]))
@@ -97,7 +97,7 @@ def _parameters(camera: CameraModel, dictionary: str, windows_cm: Sequence[float
 
 
 def _brightened(picture: Picture) -> Light:
-    """Return the least of the colours, in which lit rings are dim, made as bright as in a well lit room."""
+    """Return the minimum of the colours, in which lit rings are dim, brightened as in a well lit room."""
     red, green, blue = cv2.split(picture)
     least = np.asarray(cv2.min(cv2.min(red, green), blue), np.uint8)
     paper = float(np.quantile(least[::SAMPLED_PX, ::SAMPLED_PX], PAPER_SHARE))

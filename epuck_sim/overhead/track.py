@@ -35,10 +35,10 @@ from epuck_sim.util.atomic_write import atomic_write
 
 FLASH_FRACTION = 0.075  # fraction of a period for which a ring is lit (thesis 4.2.1)
 
-LONG_FLASHES = 6.0  # duration of a flash, in medians of all, from which a ring is always lit, without a known period
-SHORTEST_STEADY_S = 2.0  # shortest time for which such a ring is lit
+LONG_FLASHES = 6.0  # duration, in medians of all flashes, above which a ring is always lit if no period is known
+SHORTEST_STEADY_S = 2.0  # least such duration
 SAME_PLACE_CM = 0.5  # distance within which flashes are at one place
-FEWEST_FLICKERS = 6  # flashes at a place beyond which it flickers
+FEWEST_FLICKERS = 6  # flashes at one place above which a lamp flickers there
 MOST_FLICKERS = 3.0  # the same relative to the median of all places
 SAME_TIME_S = 1e-6  # times that differ by less are the same; the difference is rounding
 
@@ -59,7 +59,7 @@ class Track(NamedTuple):
     rings_outside: int  # number of rings seen outside of the floor, in all frames; they are left out
     always_lit: int  # number of places with rings that stayed lit for longer than half a period; they are left out
     position_error_mm: float | None
-    """Standard error of positions that the geometry gives; None if the film does not tell."""
+    """Standard error of positions that the geometry gives; None if it is not known."""
     robots_seen: int  # largest number of rings lit at once in two consecutive frames
     flashes_per_period: float  # mean number of flashes per period, over the time without gaps between frames
     t_sync_s: float | None
@@ -67,8 +67,8 @@ class Track(NamedTuple):
     synchrony."""
     t_sync_periods: float | None  # the same time in periods
     t_sync_cycles: float | None
-    """T_sync as simulated trials have it: flashes of a robot until then, that one included, in the mean over robots, as
-    a film does not show which one is the reference."""
+    """T_sync as in simulated trials: flashes of a robot up to and including that one; the mean over robots, as a film
+    does not show which one is the reference."""
     histogram_s: float | None
     """Time from the trial's beginning to the flash around which the histogram was first narrow enough."""
     histogram_periods: float | None  # the same time in periods
@@ -80,7 +80,7 @@ class Track(NamedTuple):
     counts: IntArray
     evaluations: tuple[synchrony.Evaluation, ...]
     flashes: tuple[Flash, ...]
-    """As in `CountedRings`, like times, counts, rings and geometry, but without those of rings that are always lit."""
+    """Flashes without those of rings that are always lit; times, counts, rings and geometry as in `CountedRings`."""
     steady: tuple[Flash, ...]  # rings that are always lit, as flashes
     rings: Sequence[Sequence[Ring]]
     geometry: Geometry
@@ -93,7 +93,7 @@ class Track(NamedTuple):
         return {name: getattr(self, name) for name in names}
 
     def periods_at(self, time_s: Any) -> Any:
-        """Return a time, or (n,) times, on the film's clock in periods since the beginning of the trial."""
+        """Convert a time, or (n,) times, on the film's clock to periods since the beginning of the trial."""
         return (time_s - self.start_s) / self.period_s
 
 
@@ -104,7 +104,7 @@ def track_film(
     progress: ProgressWrapper,
     floor_cm: tuple[float, float] | None = None,
 ) -> Track:
-    """Track a film, given as a path or an address, and write a CSV table of all rings in all frames if it is wanted.
+    """Track a film, given as a path or an address; if `rings` is given, write a CSV table of all rings in all frames.
 
     `floor_cm` is the floor's width and height if neither the options nor the film's description have them.
 
@@ -134,7 +134,7 @@ def track_film(
     counted = counter.counted()
     if reader is None:
         return analyse(name, counted, options, warnings)
-    # where tags can be read, robots shine, too: the total light tells nothing of rings
+    # where tags can be read, robots are bright, too: the total light says nothing about rings
     track = analyse(name, counted._replace(areas_px=np.zeros_like(counted.areas_px)), options, warnings)
     return track._replace(tags=reader.readings(track.start_s))
 
@@ -159,16 +159,16 @@ def track_frames(
 
 
 def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) -> TrackedFrame:
-    """Write a tracked film again, if it is wanted, with the rings found and the histogram drawn; raises as `film_file`.
+    """Write a tracked film again, if a path is given, with rings and histogram drawn; raise as `film_file`.
 
     Returns:
-        The frame in which it is synchronised by the histogram, or else the last one, without rings that stay lit.
+        The frame in which the swarm is synchronised by the histogram, or else the last, without rings that stay lit.
     """
     camera = track.geometry.camera
     annotator = Annotator(camera.width_px, camera.height_px, track.period_s)
     evaluations = deque(track.evaluations)
     sync_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
-    begins_s = track.times_s[track.times_s <= sync_s][-1]  # of the frame that stands for that moment
+    begins_s = track.times_s[track.times_s <= sync_s][-1]  # time of the frame that shows that moment
     found: TrackedFrame | None = None
     shown_s: float | None = None
     size_px = annotator.width_px, annotator.height_px
@@ -196,7 +196,7 @@ def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) 
 
 
 def ring_writer(file: TextIO | None) -> Callable[[Frame, Sequence[Ring]], None]:
-    """Write the head of a CSV table of rings, and return the function that writes those of a frame; None: nowhere."""
+    """Write the header of a CSV table of rings; return the function that writes a frame's rings, if there is a file."""
     if file is None:
         return lambda *_: None
     writer = csv.writer(file, lineterminator="\n")
@@ -210,7 +210,7 @@ def ring_writer(file: TextIO | None) -> Callable[[Frame, Sequence[Ring]], None]:
 
 
 def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: tuple[str, ...]) -> Track:
-    """Analyse the counts of a whole film, of this name, with what is known of it and warnings so far.
+    """Analyse the counts of a whole film, given its name, the options, and the warnings so far.
 
     Raises:
         FilmError: There is no light in the film, its trial is a single frame, or its period is neither given nor clear.
@@ -294,10 +294,10 @@ def _since(start_s: float, time_s: float | None, unit_s: float = 1.0) -> float |
 def without_steady(
     flashes: tuple[Flash, ...], times_s: FloatArray, counts: IntArray, period_s: float | None
 ) -> tuple[tuple[Flash, ...], tuple[Flash, ...], IntArray]:
-    """Return flashes, those of rings that are always lit, and (frames,) counts without these.
+    """Return flashes, flashes of rings that are always lit, and (frames,) counts without the latter.
 
-    Without a period, a ring is always lit if it is lit for much longer than usual. A place with many times as many
-    flashes as other places has a lamp that the camera sees now and then.
+    Without a period, a ring is always lit if it is lit for much longer than usual. Many times more flashes at one place
+    than at others are those of a lamp that the camera sees now and then.
     """
     onset_s, end_s, places, *_ = FlashTable.of(flashes)
     longest_s = period_s / 2 if period_s else max(LONG_FLASHES * np.median(end_s - onset_s), SHORTEST_STEADY_S)

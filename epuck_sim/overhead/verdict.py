@@ -1,4 +1,4 @@
-"""Judges whether an answer about synchrony can be trusted: reasons to give none, doubts, and why there is none."""
+"""Judges whether a T_sync can be trusted: reasons to give none, doubts, and why a swarm was never synchronised."""
 
 import math
 from typing import NamedTuple
@@ -12,41 +12,41 @@ from epuck_sim.overhead.flashes import CountedRings, FlashTable
 from epuck_sim.overhead.rings import DISC_LIGHT
 
 MOST = 0.75  # share of the robots that counts as most of them
-MOST_OF_USUAL = 0.6  # the same where their number is not known, relative to the flashes in a usual period
-FEWEST_PER_ROBOT = 0.65  # flashes of a robot in a period below which some are missed
-MOST_PER_ROBOT = 1.9  # flashes of one above which something else flashes; coupling of 1 gave 18.6 of ten robots
-FROM_BEGINNING = 1.6  # time in periods until which T_sync means that nothing else was seen
+MOST_OF_USUAL = 0.6  # the same if their number is unknown, relative to the mean number of flashes in a period
+FEWEST_PER_ROBOT = 0.65  # flashes per robot and period below which some are missed
+MOST_PER_ROBOT = 1.9  # flashes per robot and period above which something else flashes; coupling of 1 gave 1.86
+FROM_BEGINNING = 1.6  # T_sync, in periods, below which a film shows the swarm only in synchrony
 NEAR_ORDER = 0.85
-"""Order parameter at the last flashes of a film from which the swarm may be synchronised, as flashes after its end may
+"""Least order parameter at the last flashes of a film whose swarm may be synchronised, as flashes after its end may
 advance phases. All of 40 films that ended with T_sync had more, and 17 % of 186 that were cut before."""
 LIGHT_TOLERANCE = 1.5  # factor by which spreads by the total light and by rings may differ without contradiction
-LATE_PERIODS = 0.75  # time in periods by which the total light may be synchronised before the rings
-MOST_BURNT = 0.15  # share of the flashes that may be burnt out to discs
-MOST_DAZZLED = 0.002  # share of the floor that may always shine where no ring does
-MOST_UNSEEN = 0.05  # share of the light that may be of no ring: 0.01 where all were found, more with a rolling shutter
-ENOUGH_BEFORE = 1.8  # flashes of each robot before T_sync from which their number tells whether some are missed
+LATE_PERIODS = 0.75  # largest time, in periods, by which the total light may be synchronised before the rings
+MOST_BURNT = 0.15  # largest share of the flashes that may be burnt out to discs
+MOST_DAZZLED = 0.002  # largest share of the floor that may always shine without a ring
+MOST_UNSEEN = 0.05  # largest share of light of no ring: 0.01 where all were found, more with a rolling shutter
+ENOUGH_BEFORE = 1.8  # flashes per robot before T_sync above which their number shows whether some are missed
 GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dropped frame
 SHORTEST_FRAMES = 1.25  # mean duration of flashes, in frames, below which some are never seen
 COARSE = 3.0  # error of order parameters, relative to that of onsets known to a frame: (pi frame / period)^2 / 6
-FEW = 5  # flashes below which nothing is said about them
-TWIN_S = 0.1  # time by which a flash and its mirror image may seem to begin or end apart
+FEW = 5  # fewest flashes that are judged
+TWIN_S = 0.1  # largest difference between the beginnings, or the ends, of a flash and its mirror image
 DIMMER = 0.8  # light of a mirror image, relative to that of its robot, at most
 STRAIGHT_CM = 1.0  # distance aside of a mirror image from the line across the wall through its robot
-COMMON_IMAGES = 0.1  # share of all flashes that look like mirror images from which it is not chance
+COMMON_IMAGES = 0.1  # least share of all flashes that look like mirror images, if this is not chance
 USUAL_PERIODS_S = (0.3, 60.0)  # bounds of periods in which robots are seen to flash; thesis 4.2.1 has 5 s
-ENOUGH_RECURRENCES = 4  # times that the swarm flashes together from which their distance tells of the period
-HIDING = 1.5  # given period, relative to the true one, from which a synchronised swarm may seem not to be
-OTHER_PERIOD = 0.05  # relative difference from it from which the given period is doubtful; clocks differ by less
+ENOUGH_RECURRENCES = 4  # fewest common flashes of the swarm whose intervals give its period
+HIDING = 1.5  # given period, relative to the true one, from which on it may hide synchrony
+OTHER_PERIOD = 0.05  # relative difference between true and given period that is doubtful; clocks differ by less
 ENOUGH_PERIODS = 3.5  # periods in a film below which the estimated period may be wrong
-WRONG_SIZE = 0.08  # relative error of the rings' size from which the scale is doubtful; blur and haze give half of it
-TILTED_DEG = 3.0  # tilt of a camera from which positions are doubtful if no corners are given
+WRONG_SIZE = 0.08  # relative error of the rings' size that makes the scale doubtful; blur and haze give half of it
+TILTED_DEG = 3.0  # tilt of a camera that makes positions doubtful if no corners are given
 
 
 class Evidence(NamedTuple):
     """Evidence of a film once its counts are evaluated."""
 
-    counted: CountedRings  # counts and flashes, without those of lights that are no flashes
-    lit_always: int  # number of places with such lights
+    counted: CountedRings  # counts and flashes, without rings that are always lit
+    lit_always: int  # number of places with such rings
     period_s: float
     threshold_s: float
     sync: synchrony.Evaluation | None  # the first evaluation of the histogram that shows synchrony
@@ -66,21 +66,21 @@ class Evidence(NamedTuple):
 
     @property
     def periods(self) -> synchrony.Periods:
-        """The whole periods around flashes that hold those of most robots."""
+        """The whole periods around flashes that hold flashes of most robots."""
         return synchrony.Periods(self.flashes.onset_s, self.period_s, self.span_s, self.usual_flashes)
 
     @property
     def in_order_s(self) -> float | None:
-        """When the onsets first had the order parameter of synchrony, on the film's clock; None if they never had."""
+        """Time, on the film's clock, when the onsets first had the order parameter of synchrony; None if never."""
         return self.periods.first_in_order_s(self.order_parameter)
 
     @property
     def swarm(self) -> int:
-        """Number of robots: the one given, or as many as flash in a period of a swarm that is nearly in step."""
+        """Number of robots: the given one, or the number that flash in a period of a swarm that is nearly in step."""
         return self.robots or self.periods.robots()
 
     def cycles_at(self, time_s: float) -> float:
-        """Return the mean number of flashes of a robot until those around a time, these included."""
+        """Return the mean number of flashes of a robot, up to and including those around a time."""
         before = np.count_nonzero(self.flashes.onset_s <= time_s - self.period_s / 2)
         return 1 + int(before) / max(self.swarm, 1)
 
@@ -99,12 +99,12 @@ class Evidence(NamedTuple):
 
     @property
     def usual_flashes(self) -> float:
-        """Least number of flashes that counts as those of most robots; two at least."""
+        """Least number of flashes that counts as flashes of most robots; at least two."""
         return max(2.0, MOST_OF_USUAL * self.flashes_per_period if self.robots is None else MOST * self.robots)
 
 
 def objections(evidence: Evidence) -> list[str]:
-    """Return the reasons for which nothing can be said about T_sync."""
+    """Return the reasons why nothing can be said about T_sync."""
     found, period_s = _about_robots(evidence), evidence.period_s
     one_cm, two_cm = moves_cm(evidence)
     if not evidence.period_is_given and one_cm > 2 * two_cm + 1.0:
@@ -133,7 +133,7 @@ def objections(evidence: Evidence) -> list[str]:
 
 
 def _about_robots(evidence: Evidence) -> list[str]:
-    """Return doubts about the number of robots: by the rings lit at once, or the flashes in a period."""
+    """Return doubts about the number of robots, from the rings lit at once or the flashes in a period."""
     robots, most_lit, per_period = evidence.robots, evidence.most_lit, evidence.flashes_per_period
     if robots is not None and most_lit > robots:
         return [
@@ -155,16 +155,16 @@ def _about_robots(evidence: Evidence) -> list[str]:
 
 
 def may_be_half_a_period(evidence: Evidence) -> bool:
-    """Return whether an estimated period may be half of the true one, of two groups that flash in turn.
+    """Return whether an estimated period may be half of the true one, if two groups flash in turn.
 
-    Robots that move by more than their diameter between flashes do not tell, unless their number is known.
+    Robots that move by more than their diameter between flashes leave this open, unless their number is known.
     """
     is_known = evidence.period_is_given or evidence.robots is not None
     return not is_known and moves_cm(evidence)[0] > 2 * epuck.RADIUS_CM
 
 
 def moves_cm(evidence: Evidence) -> tuple[float, float]:
-    """Return the median distances from flashes to the nearest one a period and two later; 0 if there are few."""
+    """Return the median distances from flashes to the nearest flash one and two periods later; 0 if there are few."""
     onsets_s, places_cm, period_s = evidence.flashes.onset_s, evidence.flashes.places_cm, evidence.period_s
     after = np.full((2, len(onsets_s)), np.inf)
     for nearest, delay_s in zip(after, (period_s, 2 * period_s), strict=True):
@@ -176,7 +176,7 @@ def moves_cm(evidence: Evidence) -> tuple[float, float]:
 
 
 def _about_light(evidence: Evidence) -> list[str]:
-    """Return how the total light contradicts the rings: it needs neither shapes nor sizes."""
+    """Return contradictions between the rings and the total light, which depends on neither shapes nor sizes."""
     counted, sync = evidence.counted, evidence.sync
     by_light = np.rint(rings_by_light(counted.areas_px, counted.counts)).astype(np.int64)
     if not by_light.any():
@@ -197,7 +197,7 @@ def _about_light(evidence: Evidence) -> list[str]:
 
 
 def rings_by_light(areas_px: IntArray, counts: IntArray) -> FloatArray:
-    """Return (frames,) how many rings the lit areas are of, by the usual area of one; 0 if few frames show light."""
+    """Return (frames,) numbers of rings in the lit areas, by the usual area of a ring; 0 if few frames show light."""
     area = np.maximum(areas_px - np.quantile(areas_px, 0.05), 0.0)
     lit = (counts > 0) & (area > 0)
     usual_px = np.median(area[lit] / counts[lit]) if np.count_nonzero(lit) >= FEW else math.inf
@@ -205,7 +205,7 @@ def rings_by_light(areas_px: IntArray, counts: IntArray) -> FloatArray:
 
 
 def light_of_no_ring(areas_px: IntArray, counts: IntArray) -> float:
-    """Return the share of the (frames,) light that is of no ring that is counted; 0 if few frames show light.
+    """Return the share of the light that comes from no counted ring; 0 if few of (frames,) show light.
 
     A rolling shutter cuts rings in two, and short flashes are then often missed.
     """
@@ -214,9 +214,9 @@ def light_of_no_ring(areas_px: IntArray, counts: IntArray) -> float:
 
 
 def count_images(flashes: FlashTable) -> int:
-    """Return how many flashes may be mirror images; 0 if it may be chance.
+    """Return the number of flashes that may be mirror images; 0 if this may be chance.
 
-    Each is dimmer than another one that is straight across or above or below it, and begins and ends with it.
+    Each is dimmer than another flash that is straight beside, above or below it, and begins and ends with it.
     """
     images, (x_cm, y_cm), light = 0, flashes.places_cm.T, flashes.light
     for index in range(len(light)):
@@ -228,7 +228,7 @@ def count_images(flashes: FlashTable) -> int:
 
 
 def doubts(evidence: Evidence) -> list[str]:
-    """Return sentences about what is doubtful in the lights, geometry, the number of robots, and the period."""
+    """Return sentences about doubtful lights, a doubtful geometry, number of robots, or period."""
     counted, flashes, geometry = evidence.counted, evidence.flashes, evidence.counted.geometry
     found = _doubts_about_frames(evidence)
     if evidence.lit_always:
@@ -283,7 +283,7 @@ def doubts(evidence: Evidence) -> list[str]:
 
 
 def _doubts_about_frames(evidence: Evidence) -> list[str]:
-    """Return sentences about frames that are missing, or too far apart to tell when flashes began."""
+    """Return sentences about frames that are missing, or too far apart to show when flashes began."""
     found, intervals_s = [], np.diff(evidence.counted.times_s)
     usual_s = float(np.median(intervals_s))
     gaps_s = intervals_s[intervals_s > GAP * usual_s]
@@ -349,9 +349,9 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
 
 
 def _recurrence_s(evidence: Evidence) -> float:
-    """Return how often the synchronised swarm flashes; the period where it is seen too seldom to tell.
+    """Return the time between common flashes of the synchronised swarm; the period if too few are seen.
 
-    If it never is, and the number of robots is not known, it may be by the period that its flashes show.
+    If the swarm is never synchronised, and the number of robots is unknown, the period is tried that its flashes show.
     """
     onsets_s, period_s = evidence.flashes.onset_s, evidence.period_s
     if evidence.in_order_s is None and evidence.robots is None:
@@ -364,7 +364,7 @@ def _recurrence_s(evidence: Evidence) -> float:
 
 
 def why_never(evidence: Evidence) -> str:
-    """Return how near to synchrony the swarm came, and what would have been enough."""
+    """Return a sentence about the swarm's highest order parameter, and about the one that was needed."""
     most = evidence.periods.order.max(initial=0.0)
     if not most:
         return "no period has flashes of most robots, and a robot that flashes alone is in step with nobody"
