@@ -1,4 +1,4 @@
-"""Drawings of a recording: the arena, whatever its model, and in a full one what robots or agents sense and whom.
+"""Drawings of a recording: the arena of any model, and at level full the senses and links of robots or agents.
 
 The arena lies under `/arena`, in cm. In rerun's pictures y points down; a transform there flips them, so that data keep
 the coordinates of the simulation. What each entity holds is in docs/recordings.md.
@@ -54,15 +54,15 @@ INFRARED_NUMBERS = "/infrared/numbers"
 
 UNLABELLED = 50  # swarms of this size or larger are drawn without number labels
 
-CIRCLE_CORNERS = 64  # of a round obstacle's outline
+CIRCLE_CORNERS = 64  # corners of a round obstacle's outline
 FLOOR_PX = 1024  # longer side of the picture of a floor
 ARROW_RADIUS = 0.25 / 3.7  # half-thickness of a heading arrow, in radii of the disc
 UNBOUNDED_SHARE = 1 / 8  # drawn length of a cone of unlimited range, as a share of the side
 ARC_STEP_RAD = math.radians(12)  # largest angle between two corners of an arc
-NOWHERE_CM = -1e5  # where numbers are whose robots are not in the arena, on both axes
+NOWHERE_CM = -1e5  # place, on both axes, of the numbers of robots that are not in the arena
 UNBOUNDED_VIEW_CM = 12.0  # drawn length of a robot's field of view of unlimited range
 PICTURE_STEPS = 600  # control steps in a picture over time, a row each; robots are side by side
-MAX_COLUMNS = 4096  # of that picture; robots that find no room are left out
+MAX_COLUMNS = 4096  # most columns of that picture; robots beyond them are left out
 GAP, BETWEEN = 4, 2  # columns between two robots, and their class
 
 GREY = (150, 150, 150)
@@ -74,8 +74,8 @@ LAMP = (255, 200, 0)
 YELLOW = (240, 200, 40)
 NIGHT = (13, 16, 17)  # background of pictures, whatever the viewer's theme
 RINGS = rr.AnnotationContext([(0, "dark", DARK), (1, "lit", LIT)])
-"""Rings differ in brightness, too, for those who do not tell red from green. White numbers have a contrast of 4.8 on
-lit ones and of 10 on dark ones."""
+"""Rings differ in brightness, too, for people who cannot tell red from green. White numbers have a contrast of 4.8 on
+lit rings and of 10 on dark ones."""
 
 PULSES = rr.AnnotationContext([(0, "receives", (95, 105, 135)), (1, "is shifted", YELLOW)])
 SIGHTS = rr.AnnotationContext([(0, "in view", (75, 85, 110)), (1, "seen lit", LIT)])
@@ -93,7 +93,7 @@ MEANINGS = {
         "yellow if that shifts its phase.",
     ),
 }
-"""Meaning of lines and arrows, for robots and for agents: in every recording, and besides in a full one."""
+"""Legends for robots and for agents: for all recordings with an arena, and in addition for full ones."""
 
 _STROKES = (
     ((0, 0), (1, 0), (1, 2), (0, 2), (0, 0)),
@@ -110,7 +110,7 @@ _STROKES = (
 """Corners of each digit, as on a display of seven segments; y points down."""
 
 SCALE, PITCH, THICKNESS = 0.32, 0.55, 0.1
-"""Width of a digit, which is twice as high, distance from one to the next, and thickness of lines; in rows."""
+"""Width of a digit, half its height, distance from one digit to the next, and thickness of lines; in rows."""
 
 
 def row_numbers(rows: int) -> rr.LineStrips2D:
@@ -120,12 +120,12 @@ def row_numbers(rows: int) -> rr.LineStrips2D:
 
 
 def number_width(rows: int) -> float:
-    """Return how far the numbers of rows of a picture reach to its left, with a margin, in rows."""
+    """Return the width of a picture's row numbers, to its left, with a margin; in rows."""
     return SCALE + PITCH * len(str(rows - 1)) + 0.3
 
 
 def number_strips(number: int, right: float, top: float) -> list[FloatArray]:
-    """Return a strip, (corners, 2), for each digit of a number; `right` and `top` are those of its last digit."""
+    """Return a strip, (corners, 2), for each digit of a number, whose last digit is at `right` and `top`."""
     lefts = right - SCALE - PITCH * np.arange(len(str(number)))[::-1]
     digits = zip(lefts, map(int, str(number)), strict=True)
     return [(left, top) + SCALE * np.array(_STROKES[digit], float) for left, digit in digits]
@@ -134,8 +134,8 @@ def number_strips(number: int, right: float, top: float) -> list[FloatArray]:
 LEGIBLE_SHARE = 1 / 15  # smallest diameter of a disc that has room for a number, as a share of the arena's longer side
 
 ON_DISC, BESIDE_DISC = (1.1, 0.4), (1.8, 1.9)
-"""Size of numbers, as a share of those beside rows of a height of the disc's radius, and their distance from the middle
-of their disc, away from the heading, in radii."""
+"""Size of numbers, relative to row numbers of rows as high as the disc's radius, and their distance behind the middle
+of their disc, in radii."""
 
 
 def static_arena_entities(population: Population, level: Level) -> Iterator[Chunk]:
@@ -238,7 +238,7 @@ def static_ranges(ranges_cm: FloatArray, thin_cm: float) -> Chunk:
 
 
 def ranges(middles: FloatArray, batch: RowBatch) -> Chunk:
-    """Return the circles in these rows, about (rows, circles, 2) cm."""
+    """Return the circles in these rows, around `middles`, (rows, circles, 2) cm."""
     circles = rr.Ellipses2D.columns(centers=middles.reshape(-1, 2))
     return temporal_chunk(RANGES, batch.time_ns, *circles.partition(np.full(len(middles), middles.shape[1])))
 
@@ -249,9 +249,9 @@ def unit_vectors(angle: FloatArray) -> FloatArray:
 
 
 def ray_ends(origins: FloatArray, rays: FloatArray, longest_cm: FloatArray | float, arena: Arena) -> FloatArray:
-    """Return (..., 2) cm where rays from within the walls end: so far off, or at the outer walls if those are nearer.
+    """Return (..., 2) cm: ends of rays from within the walls, `longest_cm` away, or at the outer walls if nearer.
 
-    Origins are (..., 2) cm, rays (..., 2) unit vectors, and (...) their lengths; obstacles stop none.
+    Origins are (..., 2) cm, rays (..., 2) unit vectors, `longest_cm` is (...); obstacles do not stop rays.
     """
     walls = np.array([arena.width_cm, arena.height_cm])
     ahead = np.where(rays > 0, walls - origins, origins)  # distance to the next wall, along each axis
@@ -261,7 +261,7 @@ def ray_ends(origins: FloatArray, rays: FloatArray, longest_cm: FloatArray | flo
 
 
 def strip_columns(strips: FloatArray) -> rr.ComponentColumnList:
-    """Return strips of k points, (rows, strips, k, 2), as columns: rerun's own conversion is a loop over strips."""
+    """Return strips of k points, (rows, strips, k, 2), as columns: rerun's own conversion loops over strips."""
     rows, count, corners, _ = strips.shape
     flat = pa.FixedSizeListArray.from_arrays(pa.array(strips.astype(np.float32).ravel()), 2)
     offsets = pa.array(np.arange(rows * count + 1, dtype=np.int32) * corners)
@@ -321,7 +321,7 @@ class RobotLayers:
     """Overlays of the arena, sensor readings and wheel speeds of robots."""
 
     def __init__(self, scenario: EmbodiedScenario, population: Population) -> None:
-        """Compile what finds sightings and contacts, before any clock runs."""
+        """Compile the search for sightings and contacts, before any clock runs."""
         self._scenario, self._population = scenario, population
         counts = [group.count for group in scenario.robots]
         outlines = [_outline(*each) for each in zip(scenario.robots, scenario.group_kinds, strict=True)]
@@ -358,14 +358,14 @@ class RobotLayers:
             yield static_chunk(entity, rr.SegmentationImage.from_fields(format=_format(*size, "U8")))
         ranges_cm = [kind.infrared.range_cm for kind in self._scenario.group_kinds if kind.infrared]
         depths_mm = [0, 10 * max(ranges_cm, default=ProximitySection().range_cm)]
-        # from red to blue; what is out of range is as blue as what is far
+        # from red to blue; distances out of range are as blue as far ones
         colours: dict[str, Any] = {"meter": 1000, "depth_range": depths_mm, "colormap": "spectral"}
         yield static_chunk(INFRARED, rr.DepthImage.from_fields(format=_format(SENSORS, robots, "U16"), **colours))
         for numbers in (CAMERA_NUMBERS, INFRARED_NUMBERS):
             yield static_chunk(numbers, row_numbers(robots))
 
     def chunks(self, batch: RowBatch) -> Iterator[Chunk]:
-        """Yield what these steps show."""
+        """Yield the drawings of these steps."""
         poses, time_ns = batch.poses, batch.time_ns
         yield temporal_chunk(WHEELS, time_ns, *scalar_columns(batch.wheels_cm_s))
         yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(batch)))
@@ -413,7 +413,7 @@ class RobotLayers:
             touched_parts.append(first + contacts)
             points.append(places)
         found = np.concatenate(seen_parts)
-        for whom in (1, 2):  # who is parked outside sees nobody, and is not seen
+        for whom in (1, 2):  # robots parked outside see nobody, and are not seen
             found = found[~np.isnan(poses[found[:, 0], found[:, whom], 0])]
         steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
         forward_cm = self._forward_cm[observers, None]
@@ -431,14 +431,14 @@ def _format(width: int, height: int, number: Literal["U8", "U16"]) -> rr.compone
 
 
 def _stretches(batch: RowBatch) -> Iterator[tuple[slice, Arena]]:
-    """Yield the steps in which the same walls and obstacles stand, and an arena with them."""
+    """Yield each stretch of steps with the same walls and obstacles, and its arena."""
     ends = [row for row, _ in batch.arenas[1:]] + [len(batch.poses)]
     for (first, arena), end in zip(batch.arenas, ends, strict=True):
         yield slice(first, end), arena
 
 
 def _moments(batch: RowBatch) -> Iterator[tuple[int, FloatArray, Arena]]:
-    """Yield the first of some steps, their (steps, robots, 3) poses, and the arena, in which nothing moves then."""
+    """Yield stretches in which nothing in the arena moves: first step, (steps, robots, 3) poses, and the arena."""
     for steps, arena in _stretches(batch):
         poses = parked(batch.poses[steps])
         if not batch.movables.size:
@@ -449,10 +449,10 @@ def _moments(batch: RowBatch) -> Iterator[tuple[int, FloatArray, Arena]]:
 
 
 def _outline(group: RobotGroup, robot: RobotKind) -> tuple[float, float, float, float]:
-    """Return how a group's fields of view, or cones, are drawn.
+    """Return the outline of a group's fields of view, or cones.
 
-    That is how far ahead of a robot's centre they begin, and their length, 0 all around, cm; the angle of their edges
-    to straight ahead, rad; and the radius within which signals are received from all around, cm, or 0.
+    It is their distance ahead of a robot's centre and their length, 0 if they are all around, cm; the angle of their
+    edges to straight ahead, rad; and the radius within which signals are received from all around, cm, or 0.
     """
     signal = group.signal
     if isinstance(signal, CameraSignal):

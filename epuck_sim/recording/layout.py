@@ -53,7 +53,7 @@ def arrangement_of(scenario: Scenario, level: Level, memory: Sequence[str] = ())
 
 
 def layout_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> rrb.Blueprint:
-    """Return how the viewer lays out recordings of a scenario; raise RecordingError as `population_of` does."""
+    """Return the viewer's layout for recordings of a scenario; raise RecordingError as `population_of` does."""
     return make_layout(arrangement_of(scenario, level, memory))
 
 
@@ -94,7 +94,7 @@ def make_layout(given: Arrangement) -> rrb.Blueprint:
 
 
 def _plot(origin: str, name: str, values: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
-    """Return a plot of all times; its name says what a legend would, which lies over the curves."""
+    """Return a plot of all times; its name replaces the legend, which would lie over the curves."""
     whole = rrb.TimeAxis(view_range=rrb.TimeRange(*[rrb.TimeRangeBoundary.infinite()] * 2))
     legend = rrb.PlotLegend(visible=False)
     return rrb.TimeSeriesView(origin=origin, name=name, axis_x=whole, axis_y=values, plot_legend=legend)
@@ -103,7 +103,7 @@ def _plot(origin: str, name: str, values: rrb.ScalarAxis | None = None) -> rrb.T
 def _picture(
     origin: str, name: str, x: tuple[float, float], y: tuple[float, float], contents: str = "$origin/**"
 ) -> rrb.Spatial2DView:
-    """Return a view of a plane, whose background is dark in every theme, as its colours are chosen for that."""
+    """Return a view of a plane, dark in every theme, as its colours are chosen for a dark background."""
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
     return rrb.Spatial2DView(origin=origin, contents=contents, name=name, visual_bounds=bounds, background=NIGHT)
 
@@ -114,9 +114,9 @@ def _blueprint(body: rrb.Container) -> rrb.Blueprint:
 
 @lru_cache
 def layout_file(given: Arrangement) -> bytes:
-    """Return a layout as a file for the viewer, which is cached: rerun leaves four threads behind for each.
+    """Return the bytes of a layout file for the viewer; cached, as rerun leaves four threads behind for each.
 
-    It is made in memory: on a full disk rerun would wait for ever for room. It holds an empty recording, too.
+    The file is made in memory, as on a full disk rerun would wait for ever. It also holds an empty recording.
     """
     stream = rr.RecordingStream(APPLICATION, send_properties=False)
     layout = stream.memory_recording()

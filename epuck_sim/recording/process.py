@@ -1,4 +1,4 @@
-"""Rerun's own program, which comes with its package: run to its end, or in the background as a viewer."""
+"""Runs rerun's own program, which comes with its package: to its end, or in the background as a viewer."""
 
 import ctypes
 import os
@@ -21,13 +21,13 @@ from epuck_sim.util.machine import HOST
 
 _PATHS = [Path(rerun_cli.__file__).with_name(name) for name in ("Rerun.app", "rerun")]
 PROGRAM = (str(_PATHS[0] / "Contents/MacOS/Rerun" if _PATHS[0].exists() else _PATHS[1]),)
-"""The program in rerun's package, itself: the package's own way to start it hides how it ends."""
+"""The program itself, in rerun's package: the package's own launcher hides how it ends."""
 
 ENVIRONMENT = {"RERUN_ANALYTICS": "0", "RUST_LOG": "warn"}
 """Default environment of rerun: no telemetry, and no log but warnings. The user's own settings take precedence."""
 
-START_S = 30  # within which a viewer must answer
-END_S = 10  # within which a viewer must end after SIGTERM; then it is killed
+START_S = 30  # longest time until a viewer answers
+END_S = 10  # longest time until a viewer ends after SIGTERM; then it is killed
 
 NO_GRAPHICS = (
     "the viewer finds no graphics driver; install one (Debian, Ubuntu: apt install mesa-vulkan-drivers), or give --web"
@@ -44,7 +44,7 @@ def run_rerun(*arguments: str) -> None:
 
 
 def crashes_on(recording: Path) -> bool:
-    """Return whether rerun's program breaks down over a recording: read in this process, it might end this process."""
+    """Return whether rerun's program crashes on a recording, as this process might if it read the recording."""
     return _run("rrd", "verify", str(recording)).returncode not in (0, 1)  # 1: it says what is wrong
 
 
@@ -57,8 +57,8 @@ def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
 def in_background(*arguments: str) -> Iterator["ViewerProcess"]:
     """Yield rerun's program, running in the background; it ends with the block.
 
-    SIGINT and SIGTERM raise KeyboardInterrupt in the block, also if the parent process had them ignored; but a handler
-    that the program itself has installed stays, and outside the main thread Python allows none.
+    SIGINT and SIGTERM raise KeyboardInterrupt in the block, even if the parent process had them ignored. A handler that
+    the calling program has installed stays; outside the main thread, Python allows no handlers.
     """
     replaced = {}
     if threading.current_thread() is threading.main_thread():
@@ -74,7 +74,7 @@ def in_background(*arguments: str) -> Iterator["ViewerProcess"]:
 
 
 class ViewerProcess:
-    """A running viewer, in a process group of its own: Ctrl-C in the terminal reaches us, and we end it."""
+    """A running viewer, in a process group of its own: Ctrl-C in the terminal reaches only us, and we end it."""
 
     def __init__(self, log: IO[str], *arguments: str) -> None:
         self._log = log
@@ -108,7 +108,7 @@ class ViewerProcess:
             raise self.error()
 
     def error(self) -> RecordingError:
-        """Return the error to raise if it does not work: what it wrote last, or what to install."""
+        """Return the error to raise if it does not work, with its last output, or with what to install."""
         self._log.seek(0)
         output = self._log.read()
         if "No graphics adapter" in output or "render context" in output:
@@ -142,5 +142,5 @@ def _end_with_parent() -> Callable[[], None] | None:
 
 
 def proxy_url(port: int) -> str:
-    """Return the address at which a viewer takes chunks."""
+    """Return the address at which a viewer receives chunks."""
     return f"rerun+http://{HOST}:{port}/proxy"

@@ -1,4 +1,4 @@
-"""A recorded trial as arrays, and how its file is read back into them."""
+"""Reads the file of a recorded trial back into arrays."""
 
 import json
 import warnings
@@ -35,10 +35,10 @@ from epuck_sim.util.provenance import format_versions
 
 
 class Links(NamedTuple):
-    """Links of a trial, a row each; what its model does not have has none."""
+    """Links of a trial, a row each; arrays that its model does not have are empty."""
 
     sightings: IntArray = np.empty((0, 4), np.int64)  # row, robot that looks, robot in its view, 1 if it is seen lit
-    contacts: IntArray = np.empty((0, 3), np.int64)  # row, robot, robot that it touches, or -1: what is no robot
+    contacts: IntArray = np.empty((0, 3), np.int64)  # row, robot, robot that it touches, or -1 if that is no robot
     contact_points: FloatArray = np.empty((0, 2))  # cm: where they touch, in the same order
     pulses: IntArray = np.empty((0, 4), np.int64)  # row, agent that fires, agent that receives, 1 if its phase shifts
 
@@ -60,7 +60,7 @@ class Recorded(NamedTuple):
     order_parameter: FloatArray  # (rows,) of all oscillators
     flash_s: FloatArray  # (flashes,) s: time of each flash
     flash_robot: IntArray  # (flashes,) number of the robot or agent that flashed
-    flash_cycle: IntArray  # (flashes,) which of its own flashes this was, from 1
+    flash_cycle: IntArray  # (flashes,) number of the flash among its robot's own, from 1
     firing_s: FloatArray  # (firings,) s: times at which the reference fired
     firing_order: FloatArray  # (firings,) order parameter that the trial measured then
     phase_ms: FloatArray  # (rows, count) ms: phases; count is the number of robots or agents
@@ -71,10 +71,10 @@ class Recorded(NamedTuple):
     """(rows, count) whether the ring is lit; of agents, whether they fired within the last 0.075 of a period."""
     movables: Float32Array  # (rows, movables, 2) cm: x and y of the arena's movables, in single precision
     memory: Mapping[str, FloatArray]
-    """(rows, robots) what robots remember, by the names of the fields that are recorded; NaN for robots without one."""
-    events: tuple[tuple[float, str], ...]  # time in seconds, and text, of what changed by a schedule, or by faults
+    """(rows, robots) values of the recorded fields of robots, by name; NaN for robots without a field."""
+    events: tuple[tuple[float, str], ...]  # time in seconds, and text, of each change by a schedule, or by faults
     links: Links | None
-    """Who was linked to whom; None if the level leaves it out. The properties below raise RecordingError instead."""
+    """The links; None if the level leaves them out. The properties below raise RecordingError instead."""
 
     @property
     def sightings(self) -> IntArray:
@@ -88,7 +88,7 @@ class Recorded(NamedTuple):
 
     @property
     def pulses(self) -> IntArray:
-        """See `Links`; swarms of 50 agents or more are recorded with the pulses alone that shift a phase."""
+        """See `Links`; of swarms of 50 agents or more, only pulses that shift a phase are recorded."""
         return self._linked("pulses", "particles")
 
     @property
@@ -98,13 +98,13 @@ class Recorded(NamedTuple):
         return int(np.flatnonzero(rings == rings.max())[-1])
 
     def arena_at(self, row: int) -> Arena:
-        """Return the arena with its walls, and with its movables where they are, in a row."""
+        """Return the arena in a row, with the walls and the places of movables at that time."""
         *_, stands = (arena for time_s, arena in self.arenas if time_s <= self.time_s[row])
         return stands.with_movables_at(self.movables[row])
 
     @property
     def arenas(self) -> list[tuple[float, Arena]]:
-        """Times from which on walls and obstacles stand, and the arena with them; its movables are elsewhere."""
+        """Times at which walls and obstacles change, and the arena from then on, but without moves of movables."""
         found = [(0.0, population_of(self.scenario).arena)]
         if isinstance(self.scenario, EmbodiedScenario):
             arenas = {f"schedule.{entry}": arena_after(self.scenario, entry) for entry in arena_entries(self.scenario)}
@@ -168,7 +168,7 @@ class Entities:
         self.trial = {**trial, "memory": json.loads(trial.get("memory", "[]"))}
 
     def properties(self, name: str) -> dict[str, Any]:
-        """Return the values of a property by key; none if there is no such property."""
+        """Return the values of a property by key; empty if there is no such property."""
         columns = self._properties[f"/__properties/{name}"]
         return {key: value[0][0] for key, value in columns.items() if isinstance(value[0], list)}
 
@@ -188,7 +188,7 @@ class Entities:
         return [text for column in self._columns(entity, "TextLog:text") for text in column.flatten().to_pylist()]
 
     def rows(self, entity: str, component: str, row_count: int) -> IntArray:
-        """Return the row of each value of a component; raise ValueError unless the entity has so many rows."""
+        """Return the row of each value of a component; raise ValueError unless the entity has `row_count` rows."""
         counts = [pc.fill_null(pc.list_value_length(column), 0) for column in self._columns(entity, component)]
         lengths = np.concatenate([np.empty(0, np.int64), *(count.to_numpy() for count in counts)])
         if len(lengths) != row_count:
@@ -201,7 +201,7 @@ class Entities:
 
 @lru_cache(maxsize=64)
 def _is_damaged(path: Path, _mtime_ns: int) -> bool:
-    """Return whether a file is not what was written; asked once for each state of a file, as all of it is read."""
+    """Return whether a file differs from what was written; cached for each state of the file, as it is read whole."""
     whole = is_whole(path)
     return crashes_on(path) if whole is None else not whole
 
@@ -237,7 +237,7 @@ def last_moment_s(path: Path) -> float:
 
 
 def read_layout(path: Path) -> rrb.Blueprint | None:
-    """Return how the viewer lays out a recording; raise as `read_recording` does.
+    """Return the viewer's layout for a recording; raise as `read_recording` does.
 
     The layout is None if this version cannot read the scenario: then the viewer chooses one itself.
     """
@@ -314,7 +314,7 @@ def _gather(entities: Entities) -> Recorded:
 def _scenario(trial: dict[str, Any]) -> Scenario:
     """Return the scenario in a recording's properties; raise ScenarioError if this version cannot read it.
 
-    A picture of its floor that is not there any more is left out.
+    If the file of the floor's picture is missing, the picture is left out.
     """
     given = parse_yaml(trial["scenario"], "its scenario")
     if not isinstance(given, dict):
@@ -351,7 +351,7 @@ def _read_links(entities: Entities, scenario: Scenario, positions: Float32Array,
 def _read_arrows(entities: Entities, entity: str, tails: FloatArray, heads: FloatArray, cycle_cm: float) -> IntArray:
     """Return (arrows, 4) row, number at the tail, number at the head, class of each arrow of an entity.
 
-    Arrows begin at (rows, count, 2) cm, `tails`, of each robot or agent, and end at one of `heads`; see `nearest`.
+    Arrows begin at one of `tails`, (rows, count, 2) cm of robots or agents, and end at one of `heads`; see `nearest`.
     """
     rows = entities.rows(entity, "Arrows2D:origins", len(tails))
     origins = entities.values(entity, "Arrows2D:origins").reshape(-1, 2)
@@ -382,9 +382,9 @@ def _read_contacts(entities: Entities, positions: FloatArray, radii_cm: FloatArr
 
 
 def nearest(points: FloatArray, places: FloatArray, rows: IntArray, cycle_cm: float) -> IntArray:
-    """Return (points,) the number of that of (rows, count, 2) places in its row that is nearest to each of (points, 2).
+    """Return (points,) the number of the nearest place, of (rows, count, 2), to each of (points, 2), within its row.
 
-    It may lie across the edges of a cyclic space with this side; the side of others is infinite.
+    `cycle_cm` is the side of a cyclic space, across whose edges a place may be nearest; infinite for other spaces.
     """
     found = [np.empty(0, np.int64)]
     block = max(1, BLOCK // max(1, places.shape[1]))

@@ -74,7 +74,7 @@ class Recorder:
         write: Callable[[Iterable[Chunk]], None],
         memory: Sequence[str] = (),
     ) -> None:
-        """Write what does not change; the simulation need not exist yet, and at most `buffer_s` of it is held back."""
+        """Write the static chunks; the simulation need not exist yet. At most `buffer_s` of it are buffered."""
         self._level, self._send, self.trial_seed = level, write, seed
         self._population = population = population_of(scenario)
         self._threshold = scenario.stop.order_parameter
@@ -105,12 +105,12 @@ class Recorder:
             self.flush()
 
     def catch_up(self, time_s: float) -> None:
-        """Record agents, of which nothing is heard between two events, up to a time before the next one."""
+        """Record agents up to a time before their next event, as observers are called at events only."""
         self._buffer.catch_up(time_s)
         self.flush()
 
     def flush(self) -> None:
-        """Write the rows that are held back."""
+        """Write the buffered rows."""
         if not self._buffer.row_count:
             return
         batch, population = self._buffer.flush(), self._population

@@ -1,8 +1,7 @@
 """Rows of a trial, gathered in memory until they are written as chunks: control steps, or moments of agents.
 
-Of agents these are the instants at which some fire, and regular moments in between. The swarm need not be asked
-anything between two events: agents move straight on and phases rise evenly, so that its state at one event determines
-all moments until the next.
+Moments of agents are the instants at which some fire, and regular moments in between. Between two events, agents move
+straight on and phases rise evenly, so that the state at one event determines all moments until the next.
 """
 
 import math
@@ -26,7 +25,7 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import simulate
 
-ROWS_PER_PERIOD = 20  # regular rows of agents; there are further ones at the instants at which some fire
+ROWS_PER_PERIOD = 20  # regular rows of agents; there is a further row whenever some fire
 PATH_S = 10.0  # length of the drawn paths of robots
 PATH_CYCLES = 3  # length of the drawn paths of agents, nominal periods
 SHORTEST_S, LATEST_S = 1e-6, 9e9  # shortest period and latest time: recordings store whole nanoseconds in 64 bits
@@ -38,8 +37,8 @@ class Population(NamedTuple):
     noun: str  # what one is called: robot or agent
     moment: str  # what a row is called: step or moment
     size: int
-    radii_cm: FloatArray  # (size,) of the disc that is drawn for each
-    arena: Arena  # at the start; of agents their square, the base of their cube, or a segment of height 0
+    radii_cm: FloatArray  # (size,) radius of the disc that is drawn for each
+    arena: Arena  # at the start; for agents their square, the base of their cube, or a segment of height 0
     largest_cm: tuple[float, float]  # largest width and height that the arena has
     period_ms: FloatArray  # (size,) nominal periods; NaN for a robot that is no oscillator
     reference: int
@@ -98,13 +97,13 @@ def _agents(scenario: ParticleScenario) -> Population:
 
 
 class RowBatch(NamedTuple):
-    """Consecutive rows of `count` robots or agents; what the level or the model leaves out has no rows."""
+    """Consecutive rows of `count` robots or agents; arrays that the level or the model leaves out have no rows."""
 
     time_ns: IntArray  # (rows,) simulated time
-    ring_on: BoolArray  # (rows, count) whether the ring is lit; of agents, whether they fired just before
+    ring_on: BoolArray  # (rows, count) whether the ring is lit; for agents, whether they fired just before
     phase_ms: FloatArray  # (rows, count)
     order_parameter: FloatArray  # (rows,) of all oscillators
-    flashes: IntArray  # (flashes, 3) row, number of the robot or agent, which of its own flashes this is, from 1
+    flashes: IntArray  # (flashes, 3) row, robot or agent, number of the flash among its own, from 1
     firings: IntArray  # (firings,) rows in which the reference fires
     firing_order: FloatArray  # (firings,) order parameter that the trial measured there
     poses: FloatArray = np.empty((0, 0, 3))  # (rows, count, 3) cm, cm, rad: x, y, heading
@@ -114,7 +113,7 @@ class RowBatch(NamedTuple):
     wheels_cm_s: FloatArray = np.empty((0, 0, 2))  # (rows, robots, 2) left and right wheel, as commanded
     movables: FloatArray = np.empty((0, 0, 2))  # (rows, movables, 2) cm
     memory: Sequence[tuple[str, FloatArray]] = ()  # name and (rows, robots) values of fields and readings
-    arenas: Sequence[tuple[int, Arena]] = ()  # of robots: first row, from 0, of each arena; movables are elsewhere
+    arenas: Sequence[tuple[int, Arena]] = ()  # for robots: first row, from 0, and arena, with the movables of that row
     links: IntArray = np.empty((0, 4), np.int64)  # (links, 4) row, firing agent, receiving agent, 1 if its phase shifts
 
 
@@ -123,7 +122,7 @@ _OF_STEPS: dict[Level, dict[str, type]] = {
     Level.POSES: {"poses": np.float64, "movables": np.float64},
     Level.FULL: {"camera": np.uint8, "distance_mm": np.uint16, "wheels_cm_s": np.float64},
 }
-"""Arrays of steps that are kept, with the type of their numbers, from each level on."""
+"""Arrays of steps that each level keeps in addition to the one before, with the type of their numbers."""
 
 
 class RobotBuffer:
@@ -146,7 +145,7 @@ class RobotBuffer:
     def append(self, step: Step, watch: SynchronyWatch) -> None:
         """Add a step."""
         row, self._watch = self.row_count, watch
-        if not row:  # in new arrays: those that were returned are not written to again
+        if not row:  # new arrays, as those that were returned must not change
             kinds, rows = self._kinds.items(), self._capacity
             self._arrays = {name: np.empty((rows, *getattr(step, name).shape), kind) for name, kind in kinds}
             self._firings: list[tuple[int, float]] = []
@@ -155,7 +154,7 @@ class RobotBuffer:
             self._memory: list[list[FloatArray]] = []
         for name, array in self._arrays.items():
             array[row] = getattr(step, name)
-        if step.arena is not self._arena:  # whose circles are in the swarm's memory
+        if step.arena is not self._arena:  # its circles are in the swarm's memory
             self._arena = step.arena
             self._arenas.append((row, step.arena.with_movables_at(step.movables)))
         self._memory.append([field_values(step, field) for field in self._fields])
@@ -166,7 +165,7 @@ class RobotBuffer:
         self.row_count += 1
 
     def flush(self) -> RowBatch:
-        """Return the rows, of which there must be one at least, and remove them."""
+        """Return the rows, at least one, and remove them."""
         arrays = {name: array[: self.row_count] for name, array in self._arrays.items()}
         ring_on, phase_ms = arrays["ring_on"], arrays["phase_ms"]
         ring_before = np.concatenate([self._ring_before, ring_on[:-1]])
@@ -196,7 +195,7 @@ class AgentBuffer:
     def __init__(
         self, scenario: ParticleScenario, seed: int, level: Level, rows_per_period: float = ROWS_PER_PERIOD
     ) -> None:
-        fresh = simulate(scenario, seed)  # observers are shown no swarm before its first event
+        fresh = simulate(scenario, seed)  # observers see no swarm before its first event
         assert isinstance(fresh, ParticleSimulation), "its scenario has agents"
         self._remember(fresh)
         self._periods_s = fresh.periods_s
@@ -204,7 +203,7 @@ class AgentBuffer:
         self._stop = scenario.stop
         self._period_s = scenario.clocks.period_s
         self._has_links = level is Level.FULL
-        self._regular_row = 0  # number of the next one
+        self._regular_row = 0  # number of the next regular row
         self._flashes = np.zeros(scenario.agents.count, np.int64)  # of each agent so far
         self._flashed_s = np.full(scenario.agents.count, -np.inf)  # time of each agent's last flash
         self._clear()
@@ -270,7 +269,7 @@ class AgentBuffer:
         self.row_count += len(time_ns)
 
     def flush(self) -> RowBatch:
-        """Return the rows, of which there must be one at least, and remove them."""
+        """Return the rows, at least one, and remove them."""
         time_ns, poses, phase_ms, ring_on = map(np.concatenate, zip(*self._rows, strict=True))
         periods_ms, is_relative = np.full(phase_ms.shape[1], 1000 * self._period_s), self._stop.metric == "reference"
         relative = from_reference(phase_ms, periods_ms, self._stop.reference) if is_relative else phase_ms

@@ -1,4 +1,4 @@
-"""The file of a recording: chunks, of which it is made, and how it gets its name only when it is complete."""
+"""The file of a recording: it is made of chunks, and gets its name only when it is complete."""
 
 import hashlib
 import mmap
@@ -15,26 +15,26 @@ from epuck_sim.errors import RecordingError
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 
-APPLICATION = "epuck-sim"  # by which the viewer matches layouts to recordings
+APPLICATION = "epuck-sim"  # name by which the viewer matches layouts to recordings
 TIMELINE = "sim_time"
-ENDING = ".rrd"  # by which the viewer knows a recording
+ENDING = ".rrd"  # suffix by which the viewer recognises a recording
 
 SEAL = "/__properties/seal"  # the property that holds the digest and the length of the file
 
-_MARK = b"jV3xQm8kTz5wLr2NgY7u"  # stands before them
+_MARK = b"jV3xQm8kTz5wLr2NgY7u"  # stands before the digest
 _BLANK = b"Kd81Xf3aP60cHe95Wb27Js4f0Mq7a2Zc9dT4eR6bV15G83Uy73Bn0eDa9Fc25Lh8ExWk1dQfS0bT43Yv"
-"""Placeholder while the digest is computed, of 64 hexadecimal digits, and of 16 for the length in bytes.
+"""Placeholder for the digest, of 64 hexadecimal digits, and for the length in bytes, of 16.
 
-It has no four such digits in a row: an id nearby may have the same, and the file's compression would join the two.
+It has no four such digits in a row: an id nearby may have the same four, and the file's compression would join the two.
 """
 
 _GUARD = b"oQzTvMwYhN"
-"""Guard before and behind all this, whose outer bytes the file's compression may take for a repetition."""
+"""Guard before and behind mark and placeholder; the file's compression may take its outer bytes for a repetition."""
 
 
 @contextmanager
 def strict_mode() -> Iterator[None]:
-    """Have rerun raise an error in the block for malformed data, about which it would only warn."""
+    """Make rerun raise an error for malformed data in the block, instead of a warning."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     try:
@@ -61,13 +61,13 @@ def temporal_chunk(entity: str, time_ns: IntArray, *columns: rr.ComponentColumn)
 def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[[Iterable[Chunk]], None]]:
     """Yield a writer of chunks into a recording, which gets its name when the block ends without an error.
 
-    What is written in one call is on the disk after it, as a part in a temporary folder, so that memory does not grow.
-    `layout` is what a layout's file holds: it becomes a part of the recording, and its empty recording takes this name.
+    Each call writes its chunks to the disk, as a part in a temporary folder, so that memory does not grow. `layout` has
+    the bytes of a layout file: it becomes a part of the recording, and its empty recording gets `recording_id`.
     Raises EpuckSimError if the file cannot be written.
     """
     check_recording_target(path)
     path = path.resolve()
-    # a thread of its own writes, as rerun would take Ctrl-C for an error of its own
+    # a separate thread writes, as rerun would take Ctrl-C for an error of its own
     with temporary_path(path) as folder, ThreadPoolExecutor(1) as thread:
         unnamed, whole, parts = folder / "layout.rrd", folder / "whole.rrd", [folder / "0.rrd"]
 
@@ -100,7 +100,7 @@ def _seal(path: Path) -> None:
 
 
 def is_whole(path: Path) -> bool | None:
-    """Return whether a file is as it was when it was sealed; None if that cannot be told.
+    """Return whether a file is as it was when it was sealed; None if that is unknown.
 
     Version 0.1.0 wrote no seal, and a file that rerun's program has filtered or merged since is another file.
     """
@@ -121,7 +121,7 @@ def _digest(contents: mmap.mmap, place: int) -> bytes:
 
 @contextmanager
 def _blaming(path: Path) -> Iterator[None]:
-    """Have errors in the block name the recording instead of its temporary files."""
+    """Make errors in the block name the recording instead of its temporary files."""
     try:
         with write_errors(path):
             yield
@@ -130,7 +130,7 @@ def _blaming(path: Path) -> Iterator[None]:
 
 
 def check_recording_target(path: Path) -> None:
-    """Raise EpuckSimError if no recording can be written to `path`: its suffix is wrong, or as `check_target` says."""
+    """Raise EpuckSimError if no recording can be written to `path`: a wrong suffix, or an error of `check_target`."""
     if path.suffix != ENDING:
         raise RecordingError(f"{path}: a recording's name must end in {ENDING}, by which the viewer knows it")
     check_target(path)

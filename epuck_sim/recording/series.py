@@ -1,4 +1,4 @@
-"""Plots over time in a recording: flashes, order, phases, memory and readings; and a log of what changed."""
+"""Plots over time in a recording: flashes, order, phases, memory and readings; and a log of changes."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -30,7 +30,7 @@ MEMORY = "/memory"
 EVENTS = "/events"
 
 KEEP_EXTREMES: dict[str, Any] = {"aggregation_policy": "MinMax"}
-"""Style of lines that are drawn by their extremes when zoomed out: the mean of many cycles would be flat."""
+"""Style of lines that show their extremes when zoomed out: the mean of many cycles would be flat."""
 
 RED = (225, 40, 40)
 GREY = (150, 150, 150)
@@ -57,7 +57,7 @@ def static_time_series(population: Population, level: Level, memory: Sequence[st
 
 
 def time_series(batch: RowBatch, population: Population, threshold: float | None, level: Level) -> Iterator[Chunk]:
-    """Yield what the plots show of these rows; `threshold` is that of the order parameter, None if there is none."""
+    """Yield the data of the plots in these rows; `threshold` is the order parameter's, None if there is none."""
     time_ns = batch.time_ns
     for field, values in batch.memory:
         yield temporal_chunk(memory_entity(field), time_ns, *scalar_columns(values))
@@ -88,7 +88,7 @@ class Texts:
         self._said = ""
 
     def chunks(self, batch: RowBatch, state: TrialState) -> Iterator[Chunk]:
-        """Yield the texts of these rows, after whose last the trial is in a state, where they are new."""
+        """Yield the new texts of these rows; `state` is the trial's state after the last row."""
         if events := state.events[self._events :]:
             self._events += len(events)
             times = np.array([round(event.time_s * 1e9) for event in events])
@@ -125,7 +125,7 @@ def scalar_columns(values: FloatArray) -> rr.ComponentColumnList:
 
 
 def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> tuple[str, ...]:
-    """Return the fields that a recording has: those that are asked for, each once, and in a full one all readings.
+    """Return the fields that a recording has: those in `memory`, each once, and at level full all readings.
 
     Raises ScenarioError if no controller remembers a field, or there are no controllers.
     """
@@ -137,7 +137,7 @@ def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> 
 
 
 def memory_entity(field: str) -> str:
-    """Return the entity of a field: NaN for robots whose controllers have no such field."""
+    """Return the entity of a field; values are NaN for robots whose controllers have no such field."""
     return f"{MEMORY}/{field}"
 
 

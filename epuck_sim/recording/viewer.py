@@ -36,9 +36,9 @@ from epuck_sim.trial.result import Observer, TrialState
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.machine import HOST, check_port, free_port
 
-PAINT_S = 60  # within which a viewer must paint a recording: without a graphics card, that is slow
-FLUSH_S = 10.0  # within which a viewer must take what it was sent
-MESSAGES_S = 6  # for which a viewer shows messages after its start
+PAINT_S = 60  # longest time in which a viewer paints a recording: without a graphics card, it is slow
+FLUSH_S = 10.0  # longest time in which a viewer receives the chunks that were sent
+MESSAGES_S = 6  # time for which a viewer shows messages after its start
 
 MESSAGE_ROWS, MESSAGE_COLUMNS, MESSAGE_GREY = slice(36, 110), slice(-330, -12), 33
 """Where the viewer of rerun 0.41 shows the first of its messages, px, in a window of any size, and their background."""
@@ -61,7 +61,7 @@ def show(path: Path) -> None:
 
 
 def serve(path: Path, port: int, announce: Callable[[str], None]) -> None:
-    """Serve a recording to browsers on this machine until Ctrl-C or SIGTERM; `announce` is given the address.
+    """Serve a recording to browsers on this machine until Ctrl-C or SIGTERM; call `announce` with the address.
 
     Raises PortError if the port cannot be used, and RecordingError if the file holds no recording.
     """
@@ -78,10 +78,10 @@ def serve(path: Path, port: int, announce: Callable[[str], None]) -> None:
 
 @contextmanager
 def web_viewer(port: int) -> Iterator[tuple[ViewerProcess, str, int]]:
-    """Yield a viewer for browsers, its address, and the port at which it takes chunks.
+    """Yield a viewer for browsers, its address, and the port at which it receives chunks.
 
-    It is given no file: in rerun 0.41 a server that was given one keeps a core busy after the end of the file, because
-    it asks the finished reader for more without a pause (`re_grpc_server::spawn_from_rx_set`).
+    It gets no file: in rerun 0.41 a server with a file keeps a core busy after the end of the file, because it asks the
+    finished reader for more without a pause (`re_grpc_server::spawn_from_rx_set`).
     """
     check_port(port)
     intake = free_port()
@@ -93,7 +93,7 @@ def web_viewer(port: int) -> Iterator[tuple[ViewerProcess, str, int]]:
 
 @contextmanager
 def chunk_stream(intake: int, recording_id: str, layout: rrb.Blueprint | None) -> Iterator[rr.RecordingStream]:
-    """Yield a stream of chunks to a viewer at its port, which lays them out as given, and wait until it has them all.
+    """Yield a stream of chunks to a viewer's port, with a layout; then wait until the viewer has received them all.
 
     Raises RecordingError if the viewer has ended before.
     """
@@ -144,7 +144,7 @@ def _paint(client: Any, path: Path, at_s: float) -> bytes:
 def _settled(take: Callable[[], bytes]) -> bytes:
     """Return the first picture that comes out the same twice after the viewer's first messages have gone.
 
-    Messages stay for a number of painted frames rather than of seconds, so that a busy machine shows them for longer.
+    Messages stay for a number of painted frames, not of seconds, so that a busy machine shows them for longer.
     """
     began = time.monotonic()
     before, now = b"", take()
@@ -164,13 +164,13 @@ def _shows_message(png: bytes) -> bool:
 
 # --- a trial while it runs ------------------------------------------------------------------------------
 
-PAUSE, STEP, END = " ", "n", "q"  # keys that pause the trial and let it go on, that take one step, and that end it
+PAUSE, STEP, END = " ", "n", "q"  # keys that pause or continue the trial, take one step, and end it
 
-MOST_LATE_S = 2.0  # a trial that is later than this goes on from there at its pace; one that is less late catches up
+MOST_LATE_S = 2.0  # delay beyond which a trial continues from there at its pace; with a smaller one it catches up
 
 REFRESH_S = 0.1  # seconds between two updates of the viewer, and between two looks at it during a pause
 
-Wait = Callable[[float], str]  # waits for a number of seconds, or until keys are pressed, and returns these
+Wait = Callable[[float], str]  # waits for a number of seconds, or until keys are pressed, and returns the keys
 
 
 def sleep(seconds: float) -> str:
@@ -180,15 +180,15 @@ def sleep(seconds: float) -> str:
 
 
 class Pace:
-    """When each step of a trial is due."""
+    """The times at which the steps of a trial are due."""
 
     def __init__(self, speed: float, wait: Wait) -> None:
-        """Set how many times as fast as real robots a trial goes, and what waits between its steps."""
+        """Set the speed of a trial, relative to real robots, and the function that waits between its steps."""
         self._speed = speed
         self._wait = wait
         self._began = -math.inf
         self._steps_wanted = 0
-        self.is_paused = False  # whether the trial stands still after the step that is due, until a key is pressed
+        self.is_paused = False  # whether the trial stops after the step that is due, until a key is pressed
 
     def wait_until(self, time_s: float) -> None:
         """Wait until this simulated time is to be shown; raise KeyboardInterrupt if `END` is pressed."""
@@ -200,7 +200,7 @@ class Pace:
             self._obey(self._wait(early))
 
     def stand_still(self, look: Callable[[], None]) -> None:
-        """Wait until a paused trial goes on, by one step or for good, and call `look` now and then; raise as above."""
+        """Wait until a paused trial continues or takes one step; call `look` now and then; raise as `wait_until`."""
         stopped = time.monotonic()
         while self.is_paused and not self._steps_wanted:
             look()
@@ -221,7 +221,7 @@ class Pace:
 
 @contextmanager
 def live_viewer(port: int | None, announce: Callable[[str], None]) -> Iterator[tuple[ViewerProcess, int]]:
-    """Yield a viewer without a recording, and the port at which it takes chunks; raise RecordingError if none opens.
+    """Yield a viewer without a recording, and the port at which it receives chunks; raise RecordingError if none opens.
 
     Browsers find it at `port`, and `announce` is called with their address; a window is opened if there is no port.
     """
@@ -250,9 +250,9 @@ def live(
     memory: Sequence[str] = (),
     wait: Wait = sleep,
 ) -> Iterator[Observer]:
-    """Yield an observer that shows a trial in a viewer, and makes it last as long as it would, divided by `speed`.
+    """Yield an observer that shows a trial in a viewer, and makes it last its simulated time, divided by `speed`.
 
-    `intake` is the port at which the viewer takes chunks, `memory` has fields of the controllers' MEMORY to show.
+    `intake` is the port at which the viewer receives chunks, `memory` has fields of the controllers' MEMORY to show.
 
     Raises:
         RecordingError: The viewer was closed before the trial ended.
@@ -267,7 +267,7 @@ def live(
 
         def check_viewer() -> None:
             if viewer.has_ended:
-                viewer.wait()  # which raises if it broke down
+                viewer.wait()  # raises if the viewer crashed
                 raise RecordingError("the viewer was closed before the trial ended")
 
         def show_at(time_s: float, record: Callable[..., None], *given: Any) -> None:
