@@ -1,4 +1,4 @@
 """The `epuck-sim` command: parse, call, print.
 
-May import everything, inside its functions where that takes long: `--help` waits for nothing.
+May import everything; slow imports are inside functions, so that `--help` does not wait for them.
 """

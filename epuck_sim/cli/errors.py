@@ -1,4 +1,4 @@
-"""Messages where something is wrong, or slow: one message and an exit code, no traceback for a mistake."""
+"""Messages about mistakes and slow work: a mistake gets one message and an exit code, no traceback."""
 
 import errno
 import sys
@@ -24,7 +24,7 @@ EXTRAS = {
 }
 """Packages that no sweep needs, and the extras that install them, by the modules they bring."""
 
-SLOW_S = 10.0  # seconds after which a word is said of what has no progress to show
+SLOW_S = 10.0  # seconds after which a note is printed about work without a progress line
 
 
 @contextmanager
@@ -82,7 +82,7 @@ def print_traceback() -> Iterator[None]:
 
 @contextmanager
 def print_warnings() -> Iterator[None]:
-    """Print what the block warns of as notes, at once: an error that follows may be due to it."""
+    """Print the block's warnings as notes, at once: an error that follows may be due to them."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
         warnings.showwarning = lambda message, *_, **__: typer.echo(f"note: {message}", err=True)

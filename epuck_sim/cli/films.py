@@ -25,7 +25,7 @@ film_option, geometry_option, decision_option, camera_option = options.options_o
 
 
 def arena_option(otherwise: str) -> Any:
-    """Return the option of the floor's size, whose help says what it is if the film does not describe it."""
+    """Return the option of the floor's size; `otherwise` is its default, in words, if the film does not describe it."""
     said = f"Size of the floor; by default as the film describes it, or {otherwise}."
     return geometry_option("--arena-cm SIDE|WIDTHxHEIGHT", said)
 
@@ -335,7 +335,7 @@ def compare_film(
 
 
 def print_doubts(doubts: Iterable[str]) -> None:
-    """Print on stderr what is doubtful."""
+    """Print doubts on stderr, as warnings."""
     for doubt in doubts:
         print_stderr(f"warning: {doubt}")
 
@@ -371,7 +371,7 @@ def parse_board(text: str) -> tuple[int, int]:
 
 
 def parse_tags(text: str) -> tuple[str, frozenset[int] | None]:
-    """Return a dictionary of tags, and the numbers of those that there are; raises FilmError for anything else."""
+    """Return a dictionary of tags, and the numbers in use, if given; raises FilmError for anything else."""
     from epuck_sim.scenario.overhead import TagDictionary
 
     match = re.fullmatch(r"([4-7]X[4-7]_[0-9]+)(?::([0-9]+(?:-[0-9]+)?(?:,[0-9]+(?:-[0-9]+)?)*))?", text)

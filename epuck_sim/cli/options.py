@@ -1,4 +1,4 @@
-"""Options that several commands share, what shells complete, and the fold in long helps."""
+"""Options that several commands share, completion in shells, and long helps that are folded."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,13 +21,13 @@ FOLDED = ("More output", "Live view", "Controllers", "Sweeps", "Looks")
 
 
 def option(shown: str, said: str, heading: str | None = None, **more: Any) -> Any:
-    """Return an option as its help shows it: `--of NAME`, `--json` of a flag, or `FILE.csv` of what a parameter names.
+    """Return an option, given as its help shows it: `--of NAME`, `--json` for a flag, or the value alone: `FILE.csv`.
 
     Args:
-        shown: Its name, if that is not the parameter's, and what its value is called, if it is no flag.
+        shown: Its name, if it differs from the parameter's, and the word for its value, if it is no flag.
         said: Its help.
-        heading: Group of options in which it is.
-        more: What `typer.Option` takes besides.
+        heading: Its group of options.
+        more: Further arguments of `typer.Option`.
     """
     name, _, value = shown.partition(" ") if shown.startswith("-") else ("", "", shown)
     names = [name] if name else []
@@ -35,12 +35,12 @@ def option(shown: str, said: str, heading: str | None = None, **more: Any) -> An
 
 
 def argument(shown: str, said: str, **more: Any) -> Any:
-    """Return an argument as its help shows it; `more` is what `typer.Argument` takes besides."""
+    """Return an argument as its help shows it; `more` are further arguments of `typer.Argument`."""
     return typer.Argument(metavar=shown, help=said, **more)
 
 
 def options_of(*headings: str) -> Iterator[Callable[..., Any]]:
-    """Yield what makes an option of the group with each of these headings, see `option`."""
+    """Yield, for each heading, the function that makes an option of its group; see `option`."""
     return (partial(option, heading=heading) for heading in headings)
 
 
@@ -54,11 +54,11 @@ GONE = {
     "--durable": "--durable is needed no more: what is stored is synced at each commit; leave it out",
     "--time": "--time of `check` is a command of its own: epuck-sim plan SCENARIO --seconds 5",
 }
-"""Options that have gone, and what to do instead."""
+"""Removed options, and what to do instead."""
 
 
 class Commands(TyperGroup):
-    """The commands, which end as `exit_on_error` has it; of an option that has gone it is said what to do instead."""
+    """The commands; errors end them as in `exit_on_error`, and for a removed option they say what to do instead."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for."""
@@ -82,7 +82,7 @@ HelpAllOption = Annotated[
     bool, option("--help-all", "Show further options, too.", is_eager=True, callback=_show_everything)
 ]
 
-EVERYTHING = "epuck_sim.everything"  # key in click's context that says that nothing is left out of a help
+EVERYTHING = "epuck_sim.everything"  # key in click's context that is set if a help leaves nothing out
 
 
 class FoldedCommand(TyperCommand):
@@ -102,7 +102,7 @@ class FoldedCommand(TyperCommand):
 
 
 def complete(module: str, kind: str) -> Callable[[str], list[str]]:
-    """Return the function by which shells complete names of what is shipped, or offered by installed packages."""
+    """Return the function by which shells complete the names that are shipped, or offered by installed packages."""
 
     def begins_with(incomplete: str) -> list[str]:
         from importlib import import_module
@@ -171,7 +171,7 @@ CsvOption = Annotated[bool, output_option("--csv", "Print the table as CSV.")]
 
 
 def both(as_json: bool, as_csv: bool) -> tuple[bool, str]:
-    """Return whether both options are given, and what is said then, see `reject_first`."""
+    """Return whether both options are given, and the message for it; see `reject_first`."""
     return as_json and as_csv, "--json and --csv exclude each other"
 
 
@@ -185,9 +185,9 @@ def read_scenario(
     quick: bool = False,
     trusted: bool = False,
 ) -> "EmbodiedScenario | ParticleScenario":
-    """Return the scenario that a command's options name and change, and print what it warns of; see `load_scenario`.
+    """Return the scenario that a command's options name and change, and print its notes; see `load_scenario`.
 
-    Code that a run folder brings is not run unless this user trusts it, or `trusted` says so.
+    Code in a run folder is run only if this user trusts it, or with `trusted`.
     """
     from epuck_sim.runs.sources import ask_for_trust
     from epuck_sim.scenario.loader import load_scenario
@@ -208,7 +208,7 @@ def check_outputs(
     outputs: Mapping[str, tuple[Path | None, Sequence[str] | None]],
     files: Mapping[str, Sequence[Path]],
 ) -> None:
-    """Check before what takes a while that the files which a command writes can be written."""
+    """Check, before a command's slow work, that its output files can be written."""
     from epuck_sim.util.atomic_write import check_target
 
     owners = {os.path.realpath(path): name for name, path in inputs.items()}

@@ -1,4 +1,4 @@
-"""How long a sweep will take, and how `plan` says it."""
+"""Estimates how long a sweep will take, and prints it for `plan`."""
 
 import math
 from collections.abc import Sequence
@@ -28,14 +28,14 @@ class Duration(NamedTuple):
     left: int  # number of trials that are still to be run
     workers: int
     compute_s: Estimate  # computing time of these trials together
-    timed: int  # number of trials from which this follows
-    is_cut: bool  # whether the last of these was cut: then it takes longer
-    at_limit: Sequence[PointAtLimit] = ()  # points whose trials, of these, have all reached their limit
+    timed: int  # number of timed trials, from which this follows
+    is_cut: bool  # whether the last timed trial was cut: then the sweep takes longer
+    at_limit: Sequence[PointAtLimit] = ()  # points whose timed trials have all reached their limit
     share: str | None = None  # share of the sweep that the run folder is for, such as 3/40; None if it is for all of it
 
 
 def duration_of_folder(folder: Path, trials: int | None, workers: int, *, trusted: bool) -> Duration:
-    """Return how long the rest of a run folder's sweep, or of so many trials a point, will take."""
+    """Return how long the rest of a run folder's sweep, or of `trials` trials at each point, will take."""
     stored, status = read_wall_times(folder), read_status(folder)
     share = Share.parse(status.share) if status.share else WHOLE
     wanted = trials or read_scenario(folder / RUN_SCENARIO, trusted=trusted).trials
@@ -47,7 +47,7 @@ def duration_of_folder(folder: Path, trials: int | None, workers: int, *, truste
 
 
 def duration_of_scenario(points: Sequence[Point], wanted: int, budget_s: float, workers: int) -> Duration:
-    """Return how long so many trials at each point will take, from some that are run now, in a wall time."""
+    """Return how long `wanted` trials at each point will take, from some that are run now, for `budget_s` at most."""
     timed, count = time_trials(points, budget_s), wanted * len(points)
     times = np.array([each.wall_s for each in timed])
     estimate = estimate_mean(Measured(times, np.ones(len(times), bool), math.inf, 0))
@@ -59,7 +59,7 @@ def duration_of_scenario(points: Sequence[Point], wanted: int, budget_s: float, 
 
 
 def print_plan(name: str, duration: Duration, plan: TrialPlan | None, *, as_json: bool) -> None:
-    """Print how long a sweep will take on stdout, and of a run folder how many trials show a difference."""
+    """Print on stdout how long a sweep will take, and for a run folder how many trials show a difference."""
     at_once = max(1, min(duration.workers, duration.left))
     wall_s = duration.compute_s.apply(lambda seconds: seconds / at_once)
     if as_json:

@@ -81,7 +81,7 @@ class TrialProgress(_ProgressLine):
     def _tell_of_compiling(self) -> None:
         """Show how much is compiled, if anything is: again and again on a terminal, once in a log."""
         while not self._is_ready.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
-            native: Any = sys.modules.get("epuck_sim.util.native")  # loaded by what compiles, perhaps at this moment
+            native: Any = sys.modules.get("epuck_sim.util.native")  # loaded when something compiles, perhaps now
             done, planned = native.count_compiled() if hasattr(native, "compiled_now") else (0, 0)
             if done < planned:
                 file = native.compiled_now()
@@ -91,7 +91,7 @@ class TrialProgress(_ProgressLine):
                     return
 
     def _tell_of_what_never_returns(self) -> None:
-        """Say it, once a trial, when a robot's controller or sensor is found at the same step again."""
+        """Warn, once a trial, if a robot's controller or sensor is still at the same step at the next look."""
         from epuck_sim.sweep.worker import never_returned
 
         told, last = -1, None
@@ -112,7 +112,7 @@ class TrialProgress(_ProgressLine):
         super().__exit__(*error)
 
     def begin(self, trial: int, at_work: "AtWork | None") -> None:
-        """Say that trial number `trial` begins, and whose code is running in it, if that is watched."""
+        """Begin to show trial number `trial`; `at_work` returns whose code is running in it, if that is watched."""
         from epuck_sim.trial.result import HopelessnessWatch
 
         self._is_ready.set()
@@ -157,18 +157,18 @@ class SweepProgressBar(_ProgressLine):
         self._at_limit: dict[int, float] = {}  # number of trials of each point, if all have reached their limit
         self.progress: SweepProgress | None = None
         self.points: Sequence[Point] = ()
-        """Points of the sweep; it is said of each of them, once, that its trials reach their limit."""
+        """Points of the sweep; for each of them, a line is printed once if its trials reach their limit."""
 
     def __call__(self, progress: "SweepProgress") -> None:
         """Show the progress, if it is time to."""
         if self.progress is None and progress.stored:
-            self._at_limit = dict.fromkeys(range(len(self.points)), -math.inf)  # how stored trials ended, is not told
+            self._at_limit = dict.fromkeys(range(len(self.points)), -math.inf)  # stored ends are unknown
         self.progress = progress
         if self.points and progress.last and progress.last.result:
             self._note(self.points[progress.last.point], is_censored=progress.last.result.censored is True)
         now = time.monotonic()
         if progress.ended and self._began is None:
-            self._began = now  # the first trial waits for workers to start: no measure of the others
+            self._began = now  # the first trial waits for workers to start, so that its time is not typical
         done = progress.stored + progress.failed
         if now < self._next and done < progress.trials:
             return
@@ -176,7 +176,7 @@ class SweepProgressBar(_ProgressLine):
         self.show(self._words(progress, now), done, progress.trials)
 
     def _note(self, point: "Point", *, is_censored: bool) -> None:
-        """Take note of a trial of a point, and say so if enough of them, and no other one, have reached their limit."""
+        """Count a trial of a point; print a line once enough trials, and no other ones, have reached their limit."""
         count = self._at_limit.get(point.number, 0) + (1 if is_censored else -math.inf)
         self._at_limit[point.number] = count
         if count < 0:

@@ -112,7 +112,7 @@ def run(
         ),
     )
     outputs = {"--trace": (trace, [".parquet"]), "--film": (film, [".mp4"])}
-    options.check_outputs({}, outputs, dict.fromkeys(outputs, ()))  # whether these can be written is known with trials
+    options.check_outputs({}, outputs, dict.fromkeys(outputs, ()))  # endings only: paths depend on the number of trials
     from epuck_sim.cli.trials import Watched, chosen_trials, run_trials, sweep_into
     from epuck_sim.runs import folder as run_folder
     from epuck_sim.scenario.loader import find_scenario

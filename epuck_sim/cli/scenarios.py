@@ -129,7 +129,7 @@ class New(NamedTuple):
     """A kind of file that `new` writes."""
 
     ending: str
-    trial: str  # how it is tried, with NAME and FILE
+    trial: str  # how to try it, with NAME and FILE
     example: str  # a name for one
 
 
@@ -163,7 +163,7 @@ def _write_new(kind: str, name: str) -> None:
     new, one = NEW[kind], kind if kind == "claims" else f"a {kind}"
     if kind == "scenario":
         is_name, letters = re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name) is not None, "letters, digits, _ and -"
-    else:  # which Python imports, or which stands beside what it does
+    else:  # a file that Python imports, or that stands beside one
         is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
         letters = "letters, digits and _"
     file = f"{name}{new.ending}"

@@ -41,18 +41,18 @@ def print_json(found: Any) -> None:
 
 
 def terminal_width() -> int | None:
-    """Return how many letters a line of stdout has; None if it is no terminal."""
+    """Return the width of stdout in letters; None if it is no terminal."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
 def folded(line: str) -> str:
-    """Return a line of text as a terminal shows it: no number is broken, and what comes below begins further right."""
+    """Return a line of text, wrapped to a terminal's width between words; further lines are indented."""
     width = terminal_width()
     return line if width is None else "\n    ".join(textwrap.wrap(line, width - 4, break_long_words=False))
 
 
 def print_trials(results: "Sequence[TrialResult]", max_cycles: int) -> None:
-    """Print a table of trials of one scenario on stdout, and of several a line of statistics."""
+    """Print a table of trials of one scenario on stdout, and for several trials a line of statistics."""
     if not results:
         return
     headings = {
@@ -98,7 +98,7 @@ MOST_LISTED = 10
 
 
 def print_status(status: "Status", as_json: bool, looks: Table | None = None) -> None:
-    """Print how far a sweep is on stdout, and the looks at its points if there were any."""
+    """Print on stdout how far a sweep is, and the looks at its points if there were any."""
     if as_json:
         until = {} if looks is None else {"until": looks.records()}
         print(json.dumps({**plain(status), **until}))
@@ -143,7 +143,7 @@ def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:
 
 
 def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
-    """Print how far several run folders are on stdout, a line each, and their sum."""
+    """Print on stdout how far several run folders are, a line each, and their sum."""
     if as_json:
         print(json.dumps([{"folder": folder, **plain(status)} for folder, status in statuses.items()]))
         return
@@ -154,11 +154,11 @@ def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
         print(f"{folder}{share}: {status.stored} of {status.trials}{failed}{at_work}")
     stored, trials = (sum(getattr(status, name) for status in statuses.values()) for name in ("stored", "trials"))
     failures = sum(len(status.failed) for status in statuses.values())
-    if len({status.share is None for status in statuses.values()}) == 1:  # a whole sweep has what its shares have
+    if len({status.share is None for status in statuses.values()}) == 1:  # a whole sweep includes its shares
         print(f"together: {stored} of {trials} trials have a result; failed: {failures}")
     given = {status.share for status in statuses.values() if status.share is not None}
     counts = {share.partition("/")[2] for share in given}
-    if len(counts) == 1:  # of shares of one number of them it is known which are missing
+    if len(counts) == 1:  # only then is it known which shares are missing
         (count,) = counts
         every = (f"{number}/{count}" for number in range(1, int(count) + 1))
         missing = [share for share in every if share not in given]
@@ -171,7 +171,7 @@ NAMES_WIDTH = 27  # width of the names of results, in letters
 
 
 def print_track(track: "Track", robots: "Robots | None" = None, *, as_json: bool = False) -> None:
-    """Print the summary of a track on stdout, and of who is who if that was asked for: a table, or a JSON object."""
+    """Print the summary of a track on stdout, and of its robots if they are given, as a table or a JSON object."""
     from epuck_sim.overhead.robots import summary
 
     identities = {} if robots is None else summary(track, robots)
@@ -204,7 +204,7 @@ def _lines_of_track(track: "Track") -> Iterator[tuple[str, str]]:
 
 
 def _settled_by(track: "Track") -> str:
-    """Return which options would settle what is doubtful; nothing if nothing is."""
+    """Return a text with the options that would settle doubts; it is empty if there are none."""
     doubts = (*(track.reasons if track.confidence == "none" else ()), *track.warnings)
     options = dict.fromkeys(re.findall(r"(?<!\S)--[a-z-]+", " ".join(doubts)))
     return f"; {', '.join(options)} may settle it" if options else ""
@@ -238,7 +238,7 @@ def print_comparison(
 ) -> None:
     """Print the verdict and readable tables on stdout, or one JSON object.
 
-    In JSON, null is what is not known, or lies beyond a film's or trial's end, which are counted.
+    In JSON, null is a value that is unknown, or beyond a film's or trial's end; both are counted.
     """
     from epuck_sim.overhead.compare import judge
 

@@ -1,7 +1,7 @@
 """The terminal of a running command: signals that end it, even while compiled code runs, and keys that are pressed.
 
 Python runs signal handlers between two instructions of Python code, so that a compiled controller in an endless loop
-keeps them waiting for ever. Here a thread learns of the same signals, and ends the process where the handlers cannot.
+keeps them waiting for ever. Here a thread receives the same signals, and ends the process where the handlers cannot.
 """
 
 import atexit
@@ -32,19 +32,19 @@ GRACE_S = 2.0  # time in seconds in which the main thread must react to a signal
 AGAIN_S = 0.05  # time in seconds after which KeyboardInterrupt is raised again where Python has dropped it
 
 INSISTENT = 3
-"""Number of requests within `INSIST_S` at which the process ends whatever it does: a controller may catch them all."""
+"""Number of requests within `INSIST_S` that end the process in any case: a controller may catch all exceptions."""
 
 INSIST_S = 3.0  # time in seconds within which requests count as insistent
 EXIT_CODE = 130  # exit code of a command that was interrupted
 
-_at_start: list[Any] | None = None  # how the terminal was set before keys were read; None while none are read
+_at_start: list[Any] | None = None  # the terminal's settings before keys were read; None while none are read
 
 
 def end_on_request() -> "Watchdog":
-    """Have `REQUESTS` raise KeyboardInterrupt in the main thread, and end the process if it does not react.
+    """Make `REQUESTS` raise KeyboardInterrupt in the main thread, and end the process if it does not react.
 
     Where compiled code runs, SIGTERM and SIGHUP end the process after `GRACE_S`, and so does a second Ctrl-C. The third
-    request within `INSIST_S` ends it wherever it is. Signals that the process was started to ignore, as under nohup,
+    request within `INSIST_S` ends it in any case. Signals that were ignored when the process started, as under nohup,
     stay ignored.
     """
     reader, writer = socket.socketpair()  # Windows writes signals to nothing else
@@ -54,7 +54,7 @@ def end_on_request() -> "Watchdog":
         if signal.getsignal(request) is not signal.SIG_IGN:
             signal.signal(request, watchdog.interrupt)
     sys.unraisablehook = watchdog.repeat
-    # it is written to at once, whatever the main thread does
+    # signals are written to it at once, whatever the main thread does
     signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     threading.Thread(target=watchdog.watch, daemon=True).start()
     atexit.register(watchdog.keep_exit_code)  # the first to be registered is the last to be called
@@ -62,9 +62,9 @@ def end_on_request() -> "Watchdog":
 
 
 class Watchdog:
-    """Compares when signals arrive with when the main thread reacts."""
+    """Compares the times at which signals arrive and at which the main thread reacts."""
 
-    exit_code: int | None = None  # what the command ends with, once it is known
+    exit_code: int | None = None  # exit code of the command, once it is known
 
     def __init__(self, reader: socket.socket, writer: socket.socket) -> None:
         self._reader = reader
@@ -83,10 +83,10 @@ class Watchdog:
         return self._reacted_s > 0
 
     def keep_exit_code(self) -> None:
-        """Have the process end with the command's exit code, as the last thing that Python does.
+        """Make the process end with the command's exit code, as the last thing that Python does.
 
-        It would let `REQUESTS` kill the process from now on. And where KeyboardInterrupt has passed through the `exec`
-        of a text, as in many an import, it kills the process by SIGINT at its very end, even if all has been handled.
+        From now on, `REQUESTS` would kill the process. And if KeyboardInterrupt has passed through the `exec` of a
+        text, as in many imports, Python kills the process by SIGINT at its very end, even if all has been handled.
         """
         for request in REQUESTS:
             signal.signal(request, signal.SIG_IGN)
@@ -97,9 +97,9 @@ class Watchdog:
             os._exit(self.exit_code)
 
     def repeat(self, dropped: "sys.UnraisableHookArgs") -> None:
-        """Raise KeyboardInterrupt a little later where Python has dropped it: destructors and callbacks raise nothing.
+        """Raise KeyboardInterrupt a little later if Python has dropped it, as it does in destructors and callbacks.
 
-        Other exceptions that Python drops are printed, as ever.
+        Other exceptions that Python drops are printed, as usual.
         """
         if isinstance(dropped.exc_value, KeyboardInterrupt):
             again = threading.Timer(AGAIN_S, _signal_main_thread, (self._number,))
@@ -109,7 +109,7 @@ class Watchdog:
             sys.__unraisablehook__(dropped)
 
     def watch(self) -> None:
-        """End the process when the main thread has not reacted to a signal, or has and goes on at the third one."""
+        """End the process if the main thread does not react to a signal, or has reacted but still runs at the third."""
         read_s, unheard = time.monotonic(), 0
         asked_s: list[float] = []
         while numbers := self._reader.recv(64):
@@ -128,7 +128,7 @@ class Watchdog:
 
 
 def _signal_main_thread(number: int) -> None:
-    if hasattr(signal, "pthread_kill"):  # which interrupts what it waits for, too
+    if hasattr(signal, "pthread_kill"):  # also interrupts a main thread that waits
         main_thread = threading.main_thread().ident
         assert main_thread is not None  # it has been started
         signal.pthread_kill(main_thread, number)
@@ -152,7 +152,7 @@ def _say(line: str) -> None:
 
 @contextmanager
 def pressed_keys(*, echo: bool) -> Iterator[Callable[[float], str] | None]:
-    """Yield a function that waits for a number of seconds, or until keys are pressed, and returns these.
+    """Yield a function that waits for a number of seconds, or until keys are pressed, and returns the keys.
 
     It is None where stdin is no terminal, or not this command's: then nothing is read or changed.
     """
@@ -180,7 +180,7 @@ def restore_terminal() -> None:
 
 
 def _is_ours() -> bool:
-    """Return whether stdin is a terminal and this process in its foreground; others are stopped if they touch it."""
+    """Return whether stdin is a terminal with this process in its foreground: others are stopped if they touch it."""
     if termios is None or sys.stdin is None or not sys.stdin.isatty() or sys.stdin.fileno() != 0:
         return False
     with suppress(OSError):
@@ -189,7 +189,7 @@ def _is_ours() -> bool:
 
 
 def _wait(seconds: float) -> str:
-    """Wait for keys; where the command was sent to the background, for the time alone."""
+    """Wait for keys; if the command was sent to the background, only for the time."""
     ready, _, _ = select.select([0], [], [], seconds)
     if not ready or not _is_ours():
         time.sleep(seconds if ready else 0.0)

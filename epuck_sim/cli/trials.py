@@ -29,7 +29,7 @@ from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import format_versions, versions
 from epuck_sim.util.seeds import trial_seed
 
-LARGE = 1000  # population from which on a trial takes long to set up even if everything is compiled
+LARGE = 1000  # least population of a trial that takes long to set up even if everything is compiled
 
 ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]
 """Opens an observer of a trial, from the trial's number and seed."""
@@ -53,7 +53,7 @@ class Watched(NamedTuple):
 def open_observers(
     watched: Watched, scenario: Scenario, trials: int, *, echo: bool = False
 ) -> Iterator[list[ObserverFactory]]:
-    """Yield what opens the observers of each trial of a scenario; a viewer stays open until the user closes it."""
+    """Yield functions that open the observers of each trial; a viewer stays open until the user closes it."""
     factories: list[ObserverFactory] = []
     memory, level = watched.memory, watched.level
     for target in (watched.trace, watched.record, watched.film):
@@ -92,7 +92,7 @@ def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[Observ
     from epuck_sim.recording.viewer import live, live_viewer, sleep
 
     level, memory = watched.level, recorded_fields(scenario, watched.level, watched.memory)
-    arrangement_of(scenario, level, memory)  # what cannot be shown is refused before a viewer opens
+    arrangement_of(scenario, level, memory)  # raises, before a viewer opens, if nothing can be shown
     invitation = "open this address in a browser on this machine; the trial begins by itself:\n"
     with live_viewer(watched.port, lambda address: print_stderr(invitation + address)) as (viewer, intake):
         with pressed_keys(echo=echo) as wait:
@@ -231,7 +231,7 @@ def sweep_into(
                     if dask is None:
                         check_memory(found, workers or available_cores())
                     else:
-                        with open_pool():  # whether it answers is known before there is a folder
+                        with open_pool():  # check that it answers before there is a folder
                             pass
                     most = "" if looks is None else ", at most"
                     print_stderr(f"{found[0].scenario.name}: {describe_size(found)}{most}")
@@ -257,7 +257,7 @@ def sweep_into(
 
 
 def _note_other_versions(folder: Path) -> None:
-    """Say which trials of a run folder were made by other versions, as their last digits may differ."""
+    """Print which trials of a run folder were made by other versions, as their last digits may differ."""
     if (folder / DATABASE).exists():
         for row in read_status(folder).versions:
             if {**row.made_by, **versions()} != row.made_by:
