@@ -1,7 +1,7 @@
-"""One swarm as an environment: of PettingZoo, in which each driven robot is an agent, or of Gymnasium, if one is.
+"""One swarm as an environment: for PettingZoo, where each driven robot is an agent, or for Gymnasium, with one agent.
 
-`gymnasium.register` is called when this module is imported. An entry point of the package would do without that import,
-but every program that imports Gymnasium loads all entry points, whether it wants robots or not.
+`gymnasium.register` is called when this module is imported. An entry point of the package would need no such import,
+but every program that imports Gymnasium loads all entry points, even if it needs no robots.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ ONE_OF_TEN = {
     "name": "one of ten",
     "robots": [{"controller": "external", "count": 1}, {"controller": "firefly", "count": 9}],
 }
-"""The swarm if none is given: the thesis's, with one robot driven from outside."""
+"""The default swarm: the thesis's, with one robot driven from outside."""
 
 RenderMode = Literal["rgb_array", "human"]  # what `render` does: return a picture, or show it in a window
 
@@ -60,10 +60,10 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         }
         spaces = self._rows.spaces
         self.observation_fields = spaces.fields
-        """Which columns of an observation hold what."""
+        """Columns of each part of an observation, as slices by name."""
         self.possible_agents = [f"robot_{robot}" for robot in spaces.robots]
         self.agents: list[str] = []
-        # agents draw from spaces of their own, as PettingZoo's users seed them one by one
+        # each agent has its own space of actions, as PettingZoo's users seed them one by one
         self.observation_spaces = dict.fromkeys(self.possible_agents, spaces.observation)
         self.action_spaces = {agent: spaces.new_action_space() for agent in self.possible_agents}
         self._view: ArenaView | None = None
@@ -81,7 +81,7 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         seed: int | None = None,
         options: dict[str, Any] | None = None,  # noqa: ARG002 PettingZoo's signature
     ) -> tuple[dict[str, Float32Array], dict[str, dict[str, Any]]]:
-        """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
+        """Begin an episode: the first one of a seed or, without a seed, the next one of the last seed."""
         rows, infos = self._rows.reset(seed=seed)
         self.agents = list(self.possible_agents)
         return self._of_agents(rows), self._infos_of_agents(infos)
@@ -148,7 +148,7 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
 
 
 class RobotEnv(gymnasium.Env[Float32Array, Any]):
-    """The robot of a swarm that is driven from outside."""
+    """Environment of the one robot of a swarm that is driven from outside."""
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 Gymnasium's own type
 
@@ -159,11 +159,11 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
 
         Args:
             scenario: A scenario of robots, one of which is driven from outside; what `load_scenario` takes.
-            render_mode: What `render` does: return a picture, or show it in a window, as each step then does by itself.
+            render_mode: What `render` does: return a picture, or show it in a window, which each step then updates.
             task: See `Task`.
 
         Raises:
-            ScenarioError: Not one robot is driven from outside, but none, or several.
+            ScenarioError: No robot is driven from outside, or several are.
         """
         self._swarm = swarm = SwarmEnv(scenario, render_mode, task)
         _check_only_agent(len(swarm.possible_agents))
@@ -173,13 +173,13 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
         self.observation_space = swarm.observation_space(self._agent)
         self.action_space = swarm.action_space(self._agent)
         self.observation_fields = swarm.observation_fields
-        """Which columns of an observation hold what."""
+        """Columns of each part of an observation, as slices by name."""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Float32Array, dict[str, Any]]:
-        """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
-        seed = None if seed is None else whole("seed", seed, 0)  # Gymnasium takes none of numpy's
+        """Begin an episode: the first one of a seed or, without a seed, the next one of the last seed."""
+        seed = None if seed is None else whole("seed", seed, 0)  # Gymnasium refuses numpy's numbers
         gymnasium.Env.reset(self, seed=seed, options=options)
         observations, infos = self._swarm.reset(seed)
         self._show()
@@ -217,11 +217,11 @@ def robot_vector_env(
     render_mode: str | None = None,
     **settings: Any,
 ) -> SwarmVectorEnv:
-    """Return a `vector_env` of swarms each with one robot driven from outside, as `gymnasium.make_vec` asks for it.
+    """Return a `vector_env` of swarms with one robot each that is driven from outside, for `gymnasium.make_vec`.
 
     Raises:
-        ScenarioError: Not one robot of a swarm is driven from outside, but none, or several.
-        ValueError: The length of episodes is given in steps, or pictures are asked for.
+        ScenarioError: No robot of a swarm is driven from outside, or several are.
+        ValueError: The length of episodes is given in steps, or `render_mode` is given.
     """
     if max_episode_steps is not None:
         raise ValueError(f"max_episode_steps is {max_episode_steps}; allowed: episode_s, in simulated seconds")

@@ -16,19 +16,19 @@ NEAR_CM = 15.0
 """Distance of two centres, in cm, within which `aggregation` counts robots as together: about two diameters."""
 
 COVERED_CM = 10.0  # distance from a robot's centre, in cm, within which `coverage` counts the floor as covered
-GRID_CM = 5.0  # distance between the points at which `coverage` looks at the floor, in cm
+GRID_CM = 5.0  # distance between the points at which `coverage` samples the floor, in cm
 
 NO_PHASES = "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
 """Message for rewards of synchrony in a swarm without oscillators."""
 
 
 class Situation(NamedTuple):
-    """Where robots are and what they do; arrays of a batch have an axis of swarms before that of robots."""
+    """Places and states of robots; arrays of a batch have an axis of swarms before the axis of robots."""
 
     time_s: FloatArray
     """(...) seconds since the beginning of the episode."""
     poses: FloatArray
-    """(..., robots, 3) cm, cm, rad: x, y, heading of all robots, those that have controllers included."""
+    """(..., robots, 3) cm, cm, rad: x, y, heading of all robots, including robots with controllers."""
     wheels_cm_s: FloatArray
     """(..., robots, 2) cm/s: left and right wheel, as commanded."""
     ring_on: BoolArray

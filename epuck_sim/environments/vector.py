@@ -1,7 +1,7 @@
 """All robots of many swarms as one Gymnasium vector environment: one policy for all, evaluated on all at once.
 
-What robots observe and how they act are numbers that networks like. Compiled code takes the steps of all swarms in one
-call, or of those of a thread in one for each.
+Observations and actions are numbers of a size that suits networks. Compiled code takes the steps of all swarms in one
+call, or in one call for each thread.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +30,7 @@ from epuck_sim.util.messages import whole
 from epuck_sim.util.seeds import trial_seed
 
 ScenarioLike = Scenario | str | Path | Mapping[str, Any]  # what `load_scenario` takes
-Actions = Literal["continuous", "discrete"]  # what agents may act in: speeds, or numbers of motions
+Actions = Literal["continuous", "discrete"]  # form of actions: speeds, or numbers of motions
 
 MOTIONS = np.array([(0.0, 0.0), (1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (0.5, 1.0), (1.0, 0.5)])
 """(7, 2) left and right wheel of each discrete motion, as shares of the wheels' limit: stand still, ahead, back, turn
@@ -59,10 +59,10 @@ class AgentSpaces:
     """The observations and actions of the robots of a scenario that are driven from outside: all alike."""
 
     def __init__(self, simulation: Simulation, *, discrete: bool) -> None:
-        """Find the agents of a simulation, and what they can do: a number of a motion each, or speeds.
+        """Find the agents of a simulation, and their actions: the number of a motion each if `discrete`, else speeds.
 
         Raises:
-            ScenarioError: Not all robots that are driven from outside are driven alike.
+            ScenarioError: Robots that are driven from outside differ in what is driven, wheels or rings.
         """
         wheels, rings = simulation.external_wheels, simulation.external_rings
         name = simulation.scenario.name
@@ -90,12 +90,12 @@ class AgentSpaces:
         }
         ends = np.cumsum(list(sizes.values())).tolist()
         self.fields = {part: slice(end - size, end) for (part, size), end in zip(sizes.items(), ends, strict=True)}
-        """Which columns of an observation hold what."""
+        """Columns of each part of an observation, as slices by name."""
         low, high = np.zeros(ends[-1], np.float32), np.ones(ends[-1], np.float32)
         for part, columns in self.fields.items():
             if part in ("wheels", "phase"):
                 low[columns] = -1.0
-            elif part.startswith(READING):  # which may be any numbers
+            elif part.startswith(READING):  # readings may be any numbers
                 low[columns], high[columns] = -np.inf, np.inf
         self.observation = gymnasium.spaces.Box(low, high)
         self.action = self.new_action_space()
@@ -107,7 +107,7 @@ class AgentSpaces:
         return gymnasium.spaces.Box(-1.0, 1.0, (2 * self.drives + self.flashes,), np.float32)
 
     def observe(self, situation: Situation, step: Step, camera: IntArray) -> Float32Array:
-        """Return (swarms, agents, columns) what the agents of each swarm observe, in a step of all side by side."""
+        """Return (swarms, agents, columns) observations of agents; `step` and `camera` are those of all swarms."""
         seen = np.empty((len(situation.poses), len(self.robots), *self.observation.shape), np.float32)
         seen[..., self.fields["camera"]] = camera[:, self.chosen]
         infrared = self.fields["infrared"]
@@ -126,7 +126,7 @@ class AgentSpaces:
         return seen
 
     def command(self, actions: npt.ArrayLike, actuators: npt.NDArray[np.void]) -> None:
-        """Have (swarms, robots) actuators say what actions, (swarms, agents) or (swarms, agents, numbers), command.
+        """Set (swarms, robots) actuators as commanded by actions, (swarms, agents) or (swarms, agents, numbers).
 
         Raises:
             ValueError: An action is not of the action space; then nothing is commanded.
@@ -202,7 +202,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 "observations and rewards take the robots and the arena to be those of the start"
             )
         for number, entry in enumerate(first.scenario.schedule):
-            if entry.at_s is None:  # what trials alone carry out
+            if entry.at_s is None:  # only trials carry these out
                 raise ScenarioError(f"{first.scenario.name}: schedule.{number}: has no at_s; environments need one")
         self.simulations = [first, *(Simulation(first.scenario) for _ in range(self.swarms - 1))]
         self.spaces = AgentSpaces(first, discrete=actions == "discrete")
@@ -212,7 +212,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_fields = self.spaces.fields
-        """Which columns of an observation hold what."""
+        """Columns of each part of an observation, as slices by name."""
         self._scene = make_scene(first.scenario.robots, first.scenario.group_kinds, first.scenario.arena.build())
         self._oscillators_exist = not np.isnan(first.period_ms).all()
         if self._reward is synchrony and not self._oscillators_exist:
@@ -230,7 +230,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self._is_over = np.ones(self.swarms, np.bool_)
 
     def _arrange(self) -> None:
-        """Find all swarms in memory, for compiled code, make copies of them side by side, and open the threads."""
+        """Find all swarms in memory for compiled code, make copies of them side by side, and open the threads."""
         self._pool = ThreadPoolExecutor(len(self._shares)) if len(self._shares) > 1 else None
         step = self.simulations[0].last_step
         swarm, scenario = step.scene.swarm, self.simulations[0].scenario
@@ -250,7 +250,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         return {**vars(self), "_pool": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take the state of another one, whose swarms are elsewhere in memory."""
+        """Take the state of a copy, whose swarms are elsewhere in memory."""
         vars(self).update(state)
         self._arrange()
 
@@ -263,8 +263,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         """Begin an episode of each swarm.
 
         Args:
-            seed: Seed of the first swarm, `seed + 1` of the second, and so on; or one for each swarm; or None, to go on
-                in the rows of seeds that have begun.
+            seed: Seed of the first swarm, `seed + 1` of the second, and so on; or one for each swarm; or None, for the
+                next episode of each swarm's last seed.
             options: Ignored.
         """
         for swarm, each in enumerate(_seeds_from(seed, self.swarms)):
@@ -310,7 +310,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             self._advance(shares[0])
         else:
             working = [self._pool.submit(self._advance, share) for share in shares]
-            wait(working)  # also after an error: none is at work when the swarms begin anew
+            wait(working)  # even after an error: no thread may still run when the swarms begin anew
             for done in working:
                 done.result()
         self._begin(np.flatnonzero(resting).tolist())
@@ -324,7 +324,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         return self._observe(situation), rewards.ravel(), *flags, self._infos(situation)
 
     def _ends(self, situation: Situation) -> BoolArray:
-        """Return (swarms,) whether the user's condition ends the episode of each."""
+        """Return (swarms,) whether the user's condition ends each swarm's episode."""
         if self._terminate is None:
             return np.zeros(self.swarms, np.bool_)
         given = np.asarray(self._terminate(situation))
@@ -358,7 +358,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             raise ValueError("no episode has begun; call reset()")
 
     def look(self) -> Situation:
-        """Return where all robots are and what they do."""
+        """Return the places and states of all robots."""
         self._check_begun()
         first, step = self.simulations[0], self._step
         copied = {name: getattr(step, name).copy() for name in ("poses", "wheels_cm_s", "ring_on", "movables")}
@@ -372,12 +372,12 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
 
     def _observe(self, situation: Situation) -> Float32Array:
         camera = self._step.camera
-        if camera.ndim == 2:  # as rows differ in length, those that steps show are padded copies
+        if camera.ndim == 2:  # rows differ in length, so that steps have padded copies
             camera = np.stack([simulation.last_step.camera for simulation in self.simulations])
         return self.spaces.observe(situation, self._step, camera).reshape(self.num_envs, -1)
 
     def _infos(self, situation: Situation) -> dict[str, Any]:
-        """Return infos as Gymnasium has them of vectors: an array by each key, and which agents it tells of."""
+        """Return infos in Gymnasium's form for vectors: for each key an array, and a mask of agents that have it."""
         found: dict[str, npt.NDArray[Any]] = {"contacts": self._contacts(situation)[:, self.spaces.chosen]}
         if self._oscillators_exist:
             found["order_parameter"] = order_of(situation.phase)
@@ -393,7 +393,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         if situation.movables.size:
             pairs = [simulation.last_step.contacts for simulation in self.simulations]
             touching = np.column_stack([np.repeat(range(len(pairs)), list(map(len, pairs))), np.concatenate(pairs)])
-        else:  # swarms differ in poses alone, and are looked at together
+        else:  # swarms differ in poses only, and are searched together
             touching = find_contacts(self._scene, situation.poses)[0]
         swarms, robots = situation.ring_on.shape
         ends = touching[:, :1] * robots + touching[:, 1:]

@@ -45,7 +45,7 @@ class _Field(Generic[T]):
         self._name = name
 
     def __get__(self, robot: "TestRobot | None", owner: type) -> T:
-        if robot is None:  # what documents the class
+        if robot is None:  # by a tool that documents the class
             return self  # type: ignore[return-value]
         return self._kind(getattr(getattr(robot, self._record), self._name))
 
@@ -54,9 +54,9 @@ class _Field(Generic[T]):
 
 
 class TestRobot:
-    """A robot that stands nowhere: what it senses is set by hand, what it commands and remembers can be read.
+    """A robot without an arena: a test sets its sensors by hand, and reads its commands and memory.
 
-    Nothing is near and nothing is seen until a test says so. Sensors, memory and actuators keep their values.
+    Nothing is near and nothing is seen until a test sets it. Sensors, memory and actuators keep their values.
 
     >>> robot = TestRobot("firefly", speed_cm_s=5)
     >>> robot.step()
@@ -86,7 +86,7 @@ class TestRobot:
     pulses = _Field("_senses", int)
     """Number of radio pulses that arrive."""
     messages = _Field[IntArray]("_senses", np.asarray)
-    """(8,): what the pulses say; 0 for a bare one."""
+    """(8,): messages of the pulses; 0 for a pulse without one."""
     new_picture = _Field("_senses", bool)
     """Whether `camera` is a picture that the robot has not seen before; True unless it is set."""
     step_ms = _Field("_senses", int)
@@ -119,12 +119,12 @@ class TestRobot:
 
         Args:
             controller: A shipped controller's name, or a file, relative to the working directory.
-            parameters: Parameters by name; needed for those that are called like another argument.
+            parameters: Parameters by name; needed for parameters with the name of another argument.
             seed: Seed of the robot's random numbers.
             pixels: Length of the camera's row.
             step_ms: Milliseconds from one step to the next.
             interpret: Whether the controller runs as plain Python, so that breakpoints and coverage work, or compiled.
-            wheels: What the robot knows of its wheels; for a Kilobot, `RobotKind(kind="kilobot").wheels`.
+            wheels: Largest speed of the wheels, and their distance; for a Kilobot, `RobotKind(kind="kilobot").wheels`.
             sensors: Sensors in files of their own, relative to the working directory, whose `readings` a test sets.
             more_parameters: Further parameters.
 
@@ -168,7 +168,7 @@ class TestRobot:
 
         Raises:
             RobotError: The controller raises; the message has file and line.
-            ValueError: A reading is one that no robot has, or no number.
+            ValueError: A reading is out of the range of robots, or no number.
         """
         for name, (least, most) in ALLOWED.items():
             values = np.atleast_1d(getattr(self, name))
@@ -191,7 +191,7 @@ class Record:
     _values: dict[str, npt.NDArray[Any]]
 
     def __init__(self, kind: str, *values: npt.NDArray[np.void]) -> None:
-        """Show the fields of records, (1,) each, which messages call `kind`."""
+        """Show the fields of records, (1,) each; error messages call them `kind`."""
         fields = {name: record.view(np.ndarray)[name] for record in values for name in record.dtype.names or ()}
         object.__setattr__(self, "_kind", kind)
         object.__setattr__(self, "_values", fields)
@@ -230,7 +230,7 @@ class Record:
 def facing_wall(
     controller: str | Path, gap_cm: float = 5.0, *, seed: int = 0, interpret: bool = True, **parameters: Value
 ) -> Simulation:
-    """Return a simulation of robot 0 that looks at a wall.
+    """Return a simulation in which robot 0 faces a wall.
 
     Args:
         controller: A shipped controller's name, or a file, relative to the working directory.
@@ -255,7 +255,7 @@ def facing_robot(
     interpret: bool = True,
     **parameters: Value,
 ) -> Simulation:
-    """Return a simulation of robot 0 that looks at robot 1, which stands still.
+    """Return a simulation in which robot 0 faces robot 1, which stands still.
 
     Args:
         controller: A shipped controller's name, or a file, relative to the working directory.
