@@ -1,4 +1,4 @@
-"""Facts of a scenario of point agents for its page: `web/agents.js` makes blocks of them, as `rules` does here."""
+"""Facts of a scenario of point agents for its page: `web/agents.js` makes blocks from them, as `rules` does here."""
 
 import base64
 import math
@@ -14,23 +14,23 @@ from epuck_sim.particles.oscillators import BRANCHES, FLAT
 from epuck_sim.particles.swarm import ARRAYS, CALLS, SCENE, SCENE_BYTES, Arrays
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
 
-MOST_AGENTS = 2000  # of a page, which draws all of them 60 times a second
-ANGLE_STEP_DEG = 5  # between the angles of cones on a slider: their sines are made here, to the bit
-REACH_CM = 30  # that a page begins with where the scenario has none
+MOST_AGENTS = 2000  # most agents of a page, which draws all of them 60 times a second
+ANGLE_STEP_DEG = 5  # step between the angles of cones on a slider: their sines are computed here, to the bit
+REACH_CM = 30  # reach with which a page begins if the scenario has none
 RANDOM_NUMBERS = "is drawn for each agent by numpy, which pages do not have"
 CONES = "cone_of_vision cone_of_emission"
 _CHECKED = ("agents.speed_cm_s", "response.coupling", "clocks.period_s", "space.side_cm")
-_KIND = "neighbourhood.kind"  # key on whose value it depends which others are there
+_KIND = "neighbourhood.kind"  # key whose value decides which other keys there are
 _KINDS = ("nearest", "random", "all", "range", "cone_of_vision", "cone_of_emission")
 
-CALL_NAMES = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]  # what a swarm calls by an address
+CALL_NAMES = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]  # functions that a swarm calls by address
 
 assert MOST_AGENTS <= FLAT
 assert len(CALL_NAMES) == CALLS
 
 
 def check_agents(scenario: ParticleScenario) -> None:
-    """Raise ScenarioError for what keeps a scenario of agents from being a page, with its key."""
+    """Raise ScenarioError, which names the key, if a scenario of agents cannot be a page."""
     agents = scenario.agents
     refuse(
         scenario,

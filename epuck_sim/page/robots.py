@@ -30,11 +30,11 @@ from epuck_sim.scenario.robot_kind import cell_cm
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.trial.embodied import NOMINAL_PERIOD_S
 
-MOST_ROBOTS = 200  # of a page
-FLOOR_CELLS, PICTURE_CELLS = 160, 60  # into which the longer side of a floor, or of its picture, is divided to draw it
-COUNTS = (*range(1, 21), 25, 30, 40, 50)  # of robots on a slider; each has a block of its own in the page
+MOST_ROBOTS = 200  # most robots of a page
+FLOOR_CELLS, PICTURE_CELLS = 160, 60  # cells along the longer side of a drawn floor, and of one that has a picture
+COUNTS = (*range(1, 21), 25, 30, 40, 50)  # numbers of robots on a slider; each has a block of its own in the page
 VIEWS_DEG = (20, 30, 40, 56, 70, 90, 120, 150, 180, 240, 300, 360)
-"""Fields of view of a slider; the directions of a camera's pixels are made here, to the bit."""
+"""Fields of view on a slider; the directions of a camera's pixels are computed here, to the bit."""
 
 PARAMETERS: Mapping[str, tuple[str, str, tuple[Any, ...]]] = {
     "speed_cm_s": ("speed", "cm/s", stops(0.1, 12.8)),
@@ -46,7 +46,7 @@ PARAMETERS: Mapping[str, tuple[str, str, tuple[Any, ...]]] = {
 
 
 def check_robots(scenario: EmbodiedScenario) -> None:
-    """Raise ScenarioError for what keeps a scenario of robots from being a page, with its key."""
+    """Raise ScenarioError, which names the key, if a scenario of robots cannot be a page."""
     controllers = [find_controller(group.controller) for group in scenario.robots]
     unfit = [each.name for each in controllers if each.external or isinstance(each, Firmware)]
     commanded = f"is {''.join(unfit[:1])}; pages have controllers in Python, which nobody commands"
@@ -105,7 +105,7 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
 
 
 def _memory_fields(memory: np.dtype[Any]) -> dict[str, tuple[int, str]]:
-    """Return offset and kind of each number that a robot remembers; those of an array have names such as `seen.2`."""
+    """Return offset and kind of each number in a robot's memory; numbers of arrays have names such as `seen.2`."""
     found = {}
     for field, (first, kind) in fields_of(memory).items():
         shape, bytes_each = memory[field].shape, memory[field].base.itemsize
@@ -127,7 +127,7 @@ def _remembered(group: RobotGroup) -> dict[str, Any]:
 def _floor(arena: Arena) -> list[tuple[float, float, float, float, int]]:
     """Return boxes of one level of grey, 0 to 255: their left, top, right and bottom, as shares of the arena's sides.
 
-    There is none on a floor that is white all over, which pages draw in a colour of theirs.
+    A floor that is white all over has no boxes: pages draw it in a colour of their own.
     """
     if arena.floor.is_white:
         return []
@@ -142,7 +142,7 @@ def _floor(arena: Arena) -> list[tuple[float, float, float, float, int]]:
 
 
 def _swarms(scenario: EmbodiedScenario) -> dict[int, dict[str, Any]]:
-    """Return the swarm of each number of robots among which the page chooses, and that finds room."""
+    """Return a swarm for each number of robots that the page offers, if they find room."""
     own, found = scenario.robots[0].count, {}
     for count in _counts(scenario):
         with suppress(*[ScenarioError] * (count != own)):
@@ -151,7 +151,7 @@ def _swarms(scenario: EmbodiedScenario) -> dict[int, dict[str, Any]]:
 
 
 def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
-    """Return the beginning of trials with some number of robots in the first group: a block, and what is called."""
+    """Return the start of trials with `count` robots in the first group: a block, and the functions that it calls."""
     changes: dict[str, Any] = {"robots.0.count": count}
     if _has_free_sides(scenario):
         robots, least_cm = count + scenario.robot_count - scenario.robots[0].count, cell_cm(scenario.group_kinds)
@@ -174,7 +174,7 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
 
 
 def _streams(sensor: OwnSensor) -> dict[str, Any]:
-    """Return where the streams of a sensor's robots stand in the block, and which of a trial's numbers they are."""
+    """Return the place of the streams of a sensor's robots in the block, and the keys that spawn them from a seed."""
     first, end = sensor.streams_at
     return {"at": first, "bytes": end - first, "robot": sensor.robots.start, "keys": list(sensor.keys)}
 
@@ -189,7 +189,7 @@ def _view(scenario: EmbodiedScenario, view_deg: float) -> dict[str, Any]:
 
 
 def _counts(scenario: EmbodiedScenario) -> tuple[int, ...]:
-    """Return the numbers of robots among which a page chooses: the scenario's own where robots are given one by one."""
+    """Return the numbers of robots that a page offers: only the scenario's own if robots are given one by one."""
     group = scenario.robots[0]
     is_given = any(isinstance(value, list | tuple) for value in group.memory.values())
     if len(scenario.robots) > 1 or group.poses is not None or is_given or scenario.stop.reference_robot > 0:
@@ -198,7 +198,7 @@ def _counts(scenario: EmbodiedScenario) -> tuple[int, ...]:
 
 
 def _has_free_sides(scenario: EmbodiedScenario) -> bool:
-    """Return whether an arena of another size is no other arena: it is square, and nothing has a place in it."""
+    """Return whether a page may change the arena's size: it is square, and nothing has a fixed place in it."""
     arena = scenario.arena
     is_empty = not (arena.obstacles or arena.movables or arena.lamps or arena.floor.patches or arena.floor.picture)
     return is_empty and arena.width_cm == arena.height_cm and all(group.poses is None for group in scenario.robots)

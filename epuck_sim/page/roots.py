@@ -1,9 +1,9 @@
 """The kernels that pages run: a WebAssembly module for each model, made once, for every scenario.
 
-A module is made of the kernels that a page calls, or that others call by their addresses. It is made by `build`, and
-lies in a folder beside this file with the digest of what it is made from. Kernels keep their names in it. What a swarm
-calls has a number in an array of addresses, as it has in the program; in a page, an address is an index in the module's
-table of functions.
+A module has the kernels that a page calls, or that other kernels call by address. `build` makes it, into a folder
+beside this file, with a digest of its sources. Kernels keep their names in it. A function that a swarm calls has a
+number in an array of addresses, as in the program; in a page, an address is an index in the module's table of
+functions.
 """
 
 import ast
@@ -100,19 +100,19 @@ def roots(model: Model) -> Mapping[str, Root]:
 
 
 def shipped_root(name: str) -> str:
-    """Return the name of what runs a shipped controller."""
+    """Return the name of the function that runs a shipped controller."""
     return f"run_{name}"
 
 
 def controller_root(controller: Controller, sensors: tuple[Sensor, ...] = ()) -> Root:
-    """Return the function (block, addresses, group) that runs a controller whose group has sensors in its own files."""
+    """Return the function (block, addresses, group) that runs a controller, whose group has `sensors` in files."""
     names = _user_functions(controller, start=controller.start, step=controller.step)
     types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
     return _careful(bind(controllers.run_group, **names, **types, complete=completion(sensors))), _OF_GROUP
 
 
 def sensor_root(sensor: Sensor) -> Root:
-    """Return the function (block, addresses, sense) that has a group read a sensor, as `OwnSensor` has it."""
+    """Return the function (block, addresses, sense) that reads a sensor for a group, as `OwnSensor` does."""
     names = _user_functions(sensor, sense=sensor.sense)
     types = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
     return _careful(bind(run_sensor, **names, **types)), _OF_GROUP
@@ -174,7 +174,7 @@ BUILDERS = ("build.py", "chipmunk.c")  # files that decide how a module is made
 
 
 def is_fresh(model: Model) -> bool:
-    """Return whether the WebAssembly of a model is made from the kernels as they are."""
+    """Return whether the WebAssembly of a model is made from the present kernels."""
     path = FOLDER / f"{model}.digest"
     return path.exists() and path.read_text().strip() == digest_kernels(model)
 
@@ -192,9 +192,9 @@ def digest_kernels(model: Model) -> str:
 
 
 def meanings(function: Any, seen: set[Any]) -> Iterator[str]:
-    """Yield what a compiler makes a function from: its source without comments and docstring, and all that it names.
+    """Yield the texts that define a compiled function: its source without comments and docstring, and all it names.
 
-    What is in `seen` is not visited again; it is added to.
+    Functions in `seen` are not visited again; each one that is visited is added.
     """
     if function in seen:
         return

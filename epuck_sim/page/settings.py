@@ -25,8 +25,8 @@ class Setting:
     unit: str
     stops: tuple[Value, ...]  # ascending where they are numbers; the scenario's is one of them
     value: Value  # the scenario's
-    thesis: Value = None  # that of the thesis's base case; None if the key is not there
-    only: tuple[str, str] | None = None  # a key and those of its values, in one text, with which this key is there
+    thesis: Value = None  # value in the thesis's base case; None if it has no such key
+    only: tuple[str, str] | None = None  # another key, and its values, in one text, for which this setting exists
 
 
 def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] = ()) -> tuple[float, ...]:
@@ -48,7 +48,7 @@ def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] =
 
 
 def allowed(scenario: EmbodiedScenario | ParticleScenario, key: str, values: Iterable[Value]) -> tuple[Value, ...]:
-    """Return those of the values of a key that the program takes, beside those that the others have."""
+    """Return the values of a key that the program allows, given the scenario's other values."""
     found: list[Value] = []
     for value in values:
         with suppress(ScenarioError):
@@ -58,7 +58,7 @@ def allowed(scenario: EmbodiedScenario | ParticleScenario, key: str, values: Ite
 
 
 def refuse(scenario: EmbodiedScenario | ParticleScenario, *reasons: tuple[Any, str, str]) -> None:
-    """Raise ScenarioError for the first reason not to be a page that is true, of its model or of any: key, and why."""
+    """Raise ScenarioError for the first true reason why a scenario is no page: condition, key and sentence of each."""
     of_any = (
         (scenario.sweep is not None, "sweep", "a page has one scenario; it sweeps the speed itself"),
         (scenario.schedule, "schedule", "pages change nothing by a schedule"),
@@ -70,7 +70,7 @@ def refuse(scenario: EmbodiedScenario | ParticleScenario, *reasons: tuple[Any, s
 
 
 def fields_of(dtype: np.dtype[Any], prefix: str = "", first: int = 0) -> dict[str, tuple[int, str]]:
-    """Return offset and kind of each number of a record by its dotted name, of an array by the name of all.
+    """Return offset and kind of each number of a record, by its dotted name; an array has one entry.
 
     >>> fields_of(np.dtype([("a", "?"), ("b", [("c", "f8"), ("d", "u8", 2)])], align=True))
     {'a': (0, '?'), 'b.c': (8, 'f8'), 'b.d': (16, 'u8')}

@@ -1,4 +1,4 @@
-"""Writes a page: a scenario, the kernels and what runs in the browser, in one HTML file."""
+"""Writes a page: a scenario, the kernels, and the scripts that run in the browser, in one HTML file."""
 
 import base64
 import gzip
@@ -28,7 +28,7 @@ from epuck_sim.statistics.statistic import student_quantile
 from epuck_sim.util.builtin import ARENAS, builtin_files
 
 WEB = Path(__file__).parent / "web"
-CORE = ("kernels.js", "agents.js", "robots.js", "trials.js")  # what workers run, too
+CORE = ("kernels.js", "agents.js", "robots.js", "trials.js")  # scripts that workers run, too
 INTERFACE = ("draw.js", "page.js")
 SPEED_POINTS = 11  # speeds of the curve of T_sync
 MOST_FREEDOM = 300  # degrees of freedom up to which a page knows Student's distribution
@@ -81,7 +81,7 @@ def make_page(
     settings: Sequence[str] = (),
     controller: str | Path | None = None,
 ) -> str:
-    """Return the page of a scenario, whose source `epuck-sim run` takes with `key=value` settings; "" if none is it."""
+    """Return the page of a scenario; `epuck-sim run` takes `source` with `key=value` settings; "" if there is none."""
     model: Model = "embodied" if isinstance(scenario, EmbodiedScenario) else "particles"
     options = [("--controller", str(each)) for each in [controller] if each] + [("--set", each) for each in settings]
     data = page_data(scenario, shlex.join([source, *chain.from_iterable(options)]))
@@ -115,7 +115,7 @@ def make_page(
 def page_data(scenario: EmbodiedScenario | ParticleScenario, given: str) -> dict[str, Any]:
     """Return the data of a page: facts of the swarm, values of all keys, and settings that can be changed.
 
-    `given` is what commands take for it.
+    `given` is the text that commands take for the scenario.
     """
     if isinstance(scenario, EmbodiedScenario):
         facts = robots_facts(scenario)
@@ -137,14 +137,14 @@ def page_data(scenario: EmbodiedScenario | ParticleScenario, given: str) -> dict
         "settings": [asdict(each) for each in changes],
         "speed": speed and {"key": speed_key, "stops": _spread(speed)},
         "given": given,
-        "seed": str(scenario.seed),  # a number of JavaScript's would be rounded
+        "seed": str(scenario.seed),  # JavaScript would round a number
         "one": one,
         "student": [student_quantile(freedom) for freedom in range(1, MOST_FREEDOM + 1)],
     }
 
 
 def _spread(setting: Setting) -> list[Value]:
-    """Return about `SPEED_POINTS` of the values of a slider above 0, which have logarithms, from first to last."""
+    """Return about `SPEED_POINTS` of a slider's values above 0, as its axis is logarithmic, from first to last."""
     stops = [stop for stop in setting.stops if isinstance(stop, float | int) and stop > 0]
     places = {round((len(stops) - 1) * number / (SPEED_POINTS - 1)) for number in range(SPEED_POINTS)}
     return [stops[place] for place in sorted(places)]

@@ -1,13 +1,13 @@
 "use strict";
-// A swarm of point agents: the rules of a scenario in a block of memory, its trials, and what a page shows of it.
+// A swarm of point agents: the rules of a scenario in a block of memory, its trials, and the picture that a page shows.
 
-/** Larger than any count or number of a cycle. */
+/** A number larger than any count, and than any cycle's number. */
 const UNLIMITED = 2 ** 62;
 
 /** Pulses after which a trial that runs in slices lets others have their turn. */
 const SLICE_PULSES = 50_000;
 
-/** Return the fields of a scene that values of keys decide: what `neighbourhood_of` and `_scene_values` give. */
+/** Return the fields of a scene that depend on values of keys, as `neighbourhood_of` and `_scene_values` do. */
 /** @param {any} facts @param {Values} values @returns {{[name: string]: number}} */
 function agentsScene(facts, values) {
   const agents = values["agents.count"], side = values["space.side_cm"], period = values["clocks.period_s"];
@@ -47,7 +47,7 @@ function agentsScene(facts, values) {
   };
 }
 
-/** How far, in cycles, a phase may be from the reference's if the order parameter reaches a threshold. */
+/** Return the largest distance, in cycles, of a phase from the reference's if the order parameter reaches a threshold. */
 /** @param {number} agents @param {number} threshold */
 function maxOffset(agents, threshold) {
   const cosine = 1 - (agents * (1 - threshold + 1e-12)) / 2;
@@ -108,7 +108,7 @@ class Agents {
     this.array("next_firing", Float64Array).set(phases.map((/** @type {number} */ phase) => 1 - phase));
   }
 
-  /** Write the addresses of what is called. */
+  /** Write the addresses of the functions that are called. */
   /** @param {{[name: string]: number}} scene */
   write_addresses(scene) {
     const { kernels, facts } = this, { nearest, random } = facts.kinds;
@@ -184,7 +184,7 @@ class Agents {
     return this.get("is_synchronised") === 1;
   }
 
-  /** Whether nothing fires any more before the limit of time. */
+  /** Return whether no agent fires any more before the limit of time. */
   is_past_end() {
     let next = Infinity;
     for (const time of this.array("next_firing", Float64Array)) next = Math.min(next, time);
@@ -192,7 +192,7 @@ class Agents {
     return period > this.end[0] || (period === this.end[0] && share > this.end[1]);
   }
 
-  /** Run the present trial to its end, in slices; each step yields how far it is. @returns {Generator<number, Result>} */
+  /** Run the present trial to its end, in slices; each step yields the cycles so far. @returns {Generator<number, Result>} */
   *run() {
     while (!(this.is_synchronised || this.cycles >= this.max_cycles || this.is_past_end())) {
       this.advance(this.end, this.get("pulses") + SLICE_PULSES, -1);
@@ -223,7 +223,7 @@ class Agents {
     if (!this.is_synchronised) this.set("now", end[0] - this.get("cycle") + end[1]);
   }
 
-  /** Simulate up to a time, or to the end of the trial; tell of each flash. */
+  /** Simulate up to a time, or to the end of the trial; call `tell` at each flash. */
   /** @param {number} time_s @param {(time_s: number, agent: number) => void} tell */
   advance_to(time_s, tell) {
     const to = Math.min(time_s, this.end_s), end = this.moment(to);
@@ -240,7 +240,7 @@ class Agents {
     }
   }
 
-  /** Return what is to be seen now. @returns {Picture} */
+  /** Return the picture of this moment. @returns {Picture} */
   look() {
     this.kernels.call("observe", ...this.swarm);
     const { count } = this, { dimensions } = this.facts, places = this.array("positions_now", Float64Array);
@@ -252,7 +252,7 @@ class Agents {
     return { time_s: this.time_s, x, y, heading, phases: phases.slice(), is_lit: null, depth: dimensions > 2 ? places.slice(2 * count, 3 * count) : null };
   }
 
-  /** Return who would receive the pulse of an agent now; nobody knows before receivers are drawn. @param {number} agent */
+  /** Return the agents that would receive a pulse of an agent now; none if receivers are drawn at each pulse. @param {number} agent */
   receivers(agent) {
     if (this.search === "draw_receivers") return new Uint32Array(0);
     const kept = this.block.bytes.slice();
@@ -284,7 +284,7 @@ class Agents {
     this.fill("block_earliest", -Infinity);
   }
 
-  /** Have neighbours searched for anew. */
+  /** Make kernels search for neighbours anew. */
   forget() {
     this.array("cached_until", Float64Array).fill(-Infinity);
     this.set("positions_time", NaN);

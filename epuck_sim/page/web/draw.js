@@ -4,7 +4,7 @@
 /** @typedef {{fill?: string, stroke?: string, width?: number, alpha?: number, align?: CanvasTextAlign, size?: number, dash?: number}} Style */
 /** @typedef {{[name: string]: string}} Colours */
 
-/** Draws on a canvas, as sharp as the screen is. */
+/** Draws on a canvas, as sharp as the screen. */
 class CanvasPen {
   /** @param {HTMLCanvasElement} canvas */
   constructor(canvas) {
@@ -80,19 +80,19 @@ class SvgPen {
   }
 }
 
-/** Return the colours of the page as it is, light or dark. @returns {Colours} */
+/** Return the present colours of the page, light or dark. @returns {Colours} */
 function colours() {
   const style = getComputedStyle(document.documentElement);
   const names = ["paper", "ink", "faint", "rule", "box", "floor", "amber", "glow", "deep", "light"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
-/** Colour of a phase, 0 to 1, all around; grey of what has none. @param {number} phase @param {Colours} colour */
+/** Return the colour of a phase, from 0 to 1 round the circle of colours; grey if there is no phase. @param {number} phase @param {Colours} colour */
 function phaseColour(phase, colour) {
   return Number.isNaN(phase) ? colour.faint : `hsl(${(40 + 360 * phase) % 360}, 58%, ${colour.light})`;
 }
 
-/** @typedef {{width: number, height: number, floor: number[][], circles: number[][], polygons: number[][][], lamps: number[][], radii: Float64Array | null}} Place where agents are, cm; points have no radii; boxes of the floor are in shares of its sides */
+/** @typedef {{width: number, height: number, floor: number[][], circles: number[][], polygons: number[][][], lamps: number[][], radii: Float64Array | null}} Place the arena, cm; points have no radii; boxes of the floor are in shares of its sides */
 /** @typedef {{picture: Picture, glow: Float64Array, links: [number, number, number][], chosen: number, cones: {robot: number, half: number, reach: number}[]}} Shown */
 
 /** Draw the arena from above; y goes up. @param {CanvasPen | SvgPen} pen @param {Place} place @param {Shown} shown @param {Colours} colour */
@@ -141,7 +141,7 @@ function pair([one, other]) {
   return [one, other];
 }
 
-/** Return a number as people write it. @param {number} value */
+/** Return a number as text, with separators from 10,000 on. @param {number} value */
 function number(value) {
   return Math.abs(value) >= 10_000 ? value.toLocaleString("en") : `${value}`;
 }
@@ -151,14 +151,14 @@ function rounded(value) {
   return number(+value.toPrecision(3));
 }
 
-/** Return round numbers between two, about so many. @param {number} low @param {number} high @param {number} about */
+/** Return about `about` round numbers between two. @param {number} low @param {number} high @param {number} about */
 function ticks(low, high, about) {
   const rough = Math.max(high - low, 1e-12) / about, unit = 10 ** Math.floor(Math.log10(rough));
   const step = unit * ([1, 2, 5].find((each) => each * unit >= rough) ?? 10), first = Math.ceil(low / step - 1e-9);
   return Array.from({ length: Math.max(0, Math.floor(high / step + 1e-9) - first + 1) }, (_, each) => +((first + each) * step).toPrecision(10));
 }
 
-/** Return the powers of ten, with 2 and 5 where they are few. @param {number} low @param {number} high */
+/** Return the powers of ten between two numbers, and their multiples by 2 and 5 if they are few. @param {number} low @param {number} high */
 function logTicks(low, high) {
   const found = [], decades = Math.log10(high / low), many = decades > 2.2;
   if (!Number.isFinite(decades)) return [];
@@ -167,7 +167,7 @@ function logTicks(low, high) {
   return found.filter((each) => each >= low * 0.999 && each <= high * 1.001);
 }
 
-/** Draw axes; return where values are. */
+/** Draw axes; return functions that place values, and the box. */
 /** @param {CanvasPen} pen @param {{x: number[], y: number[], log?: boolean, xLabel?: string, yLabel?: string, bare?: boolean}} axes @param {Colours} colour */
 function drawAxes(pen, { x, y, log = false, xLabel = "", yLabel = "", bare = false }, colour) {
   const box = { left: bare ? 8 : 42, right: pen.width - 14, top: yLabel ? 20 : 8, low: pen.height - (xLabel ? 36 : 20) };
@@ -198,7 +198,7 @@ function drawOrders(pen, orders, least, threshold, colour) {
   pen.path(orders.map(([time, order]) => [placeX(time), placeY(order)]), { stroke: colour.deep, width: 1.75 });
 }
 
-/** Draw who flashed when. @param {CanvasPen} pen @param {number[][]} flashes time and agent @param {number} count @param {number[]} times @param {number} chosen @param {Colours} colour */
+/** Draw the flashes of agents against time. @param {CanvasPen} pen @param {number[][]} flashes time and agent @param {number} count @param {number[]} times @param {number} chosen @param {Colours} colour */
 function drawFlashes(pen, flashes, count, times, chosen, colour) {
   const { placeX, placeY, left, right } = drawAxes(pen, { x: times, y: [count, 0], bare: true }, colour), high = Math.max(1.5, Math.min(14, (pen.height - 28) / count) - 1);
   if (chosen >= 0) pen.path([[left, placeY(chosen + 0.5)], [right, placeY(chosen + 0.5)]], { stroke: colour.rule, width: high });
@@ -227,7 +227,7 @@ function meanPhase(phases) {
   return { order: phases.length ? Math.hypot(cosines, sines) / phases.length : 0, phase: Math.atan2(sines, cosines) / (2 * Math.PI) };
 }
 
-/** Draw how T_sync is distributed. @param {CanvasPen} pen @param {Result[]} results @param {{mean: number, low: number, high: number}} found @param {Colours} colour */
+/** Draw the distribution of T_sync. @param {CanvasPen} pen @param {Result[]} results @param {{mean: number, low: number, high: number}} found @param {Colours} colour */
 function drawHistogram(pen, results, found, colour) {
   const times = results.filter((each) => each.is_synchronised).map((each) => each.cycles), most = Math.max(...times, 1);
   const width = Math.max(1, Math.ceil(most / Math.min(30, Math.max(8, Math.floor(pen.width / 16))))), bins = new Array(Math.floor(most / width) + 1).fill(0);

@@ -1,15 +1,15 @@
 "use strict";
-// The program's kernels as WebAssembly, and blocks of memory that they work on. Runs in pages, in workers and in node.
+// The program's kernels as WebAssembly, and the blocks of memory that they use. Runs in pages, in workers and in node.
 
 /** @typedef {{[key: string]: any}} Values of keys of a scenario */
 /** @typedef {{seed: bigint, cycles: number, is_synchronised: boolean, order_parameter: number | null, steps: number, time_s: number}} Result of a trial */
 /** @typedef {{time_s: number, x: Float64Array, y: Float64Array, heading: Float64Array, phases: Float64Array, is_lit: Uint8Array | null, depth: Float64Array | null}} Picture of a swarm: cm, rad, and shares of a period */
-/** @typedef {{[name: string]: [offset: number, kind: string]}} Fields where fields stand in a record, and what kind of numbers they are */
+/** @typedef {{[name: string]: [offset: number, kind: string]}} Fields place of each field in a record, and kind of its numbers */
 
-/** What numba's functions return that return, or return nothing. */
+/** Statuses of numba's functions that have returned a value, or None. */
 const FINE = [0, -2];
 
-/** Where the part of the memory ends that build.py gives to the module of a scenario's own files. */
+/** End of the part of the memory that build.py gives to the module of a scenario's own files. */
 const OWN_END = 19 * 2 ** 20;
 
 /** @typedef {[WebAssembly.Module, WebAssembly.Module | null]} Modules of the model, and of the scenario's own files */
@@ -39,14 +39,14 @@ class Kernels {
     Object.assign(this.functions, { ...functions, ...this.functions });
   }
 
-  /** Take part of the memory, which is zero. @param {number} bytes */
+  /** Allocate a part of the memory, filled with zeros. @param {number} bytes */
   take(bytes) {
     const first = this.functions.take(bytes);
     if (!first) throw new Error("there is not enough memory");
     return first;
   }
 
-  /** Return at which address others call a function: its index in the table. @param {string} name */
+  /** Return the address by which others call a function: its index in the table. @param {string} name */
   address(name) {
     let index = this.addresses.get(name);
     if (index === undefined) {
@@ -69,12 +69,12 @@ class Kernels {
 
   /** Call a kernel. @param {string} name @param {any[]} given */
   call(name, ...given) {
-    const status = this.functions[name](this.result, this.result + 32, ...given); // 32: where it says what it raises
+    const status = this.functions[name](this.result, this.result + 32, ...given); // 32: place for its exception
     if (FINE.includes(status)) return;
     throw new Error(this.has_own ? "The scenario's own code has failed; `epuck-sim run` says where." : `the kernel ${name} has failed (${status})`);
   }
 
-  /** Return the whole number that the last kernel has returned. */
+  /** Return the whole number that the last kernel returned. */
   whole() {
     return Number(new DataView(this.memory.buffer).getBigInt64(this.result, true));
   }
@@ -89,7 +89,7 @@ class Block {
     this.first = kernels.take(size);
   }
 
-  /** Bytes of the block; anew for each use, as memory that grows moves. */
+  /** Bytes of the block; get them anew for each use, as memory moves when it grows. */
   get bytes() {
     return new Uint8Array(this.kernels.memory.buffer, this.first, this.size);
   }
@@ -135,14 +135,14 @@ class Seeds {
     this.block = new Block(kernels, 512);
   }
 
-  /** Put words into the kernels' memory; return them as they take them. @param {bigint} seed */
+  /** Write the words of a seed into the kernels' memory; return them as kernels take an array. @param {bigint} seed */
   words(seed) {
     const words = seedWords(seed);
     new BigUint64Array(this.block.kernels.memory.buffer, this.block.first, words.length).set(words);
     return Kernels.array(this.block.first, words.length, 8);
   }
 
-  /** Return the sequence of numbers that a seed and the keys of its children have. @param {bigint} seed @param {number[]} keys */
+  /** Return the seed sequence of a seed, or of the child that `keys` lead to. @param {bigint} seed @param {number[]} keys */
   sequence(seed, keys) {
     const { kernels, first } = this.block, sequence = Kernels.array(first + 256, 5, 8);
     kernels.call("begin_sequence", ...sequence, ...this.words(seed));

@@ -1,30 +1,30 @@
 "use strict";
-// The page itself: what is pressed, slid and dragged, and 60 pictures a second of a swarm.
+// The page itself: buttons, sliders and dragging, and 60 pictures a second of a swarm.
 
-/** Real time for which a picture's share of the simulation may take, ms. */
+/** Longest real time for the simulation up to the next picture, ms. */
 const PICTURE_MS = 14;
-/** How many times real time: the stops of the slider. */
+/** Speeds relative to real time: the stops of the slider. */
 const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 /** Periods that the raster of flashes shows. */
 const RASTER_PERIODS = 12;
-/** Cycles after which trials at further speeds are censored: of slow swarms some would never end. */
+/** Cycles after which trials at further speeds are censored: some slow swarms would never end. */
 const SWEEP_CYCLES = 2000;
 /** Time in which the glow of a flash fades, ms. */
 const FADE_MS = 350;
-/** Most agents of which links are drawn. */
+/** Largest number of agents for which links are drawn. */
 const MOST_LINKED = 200;
-/** What is said of figures of trials with other settings, or another seed, than those of now. */
+/** Note on figures of trials with other settings, or another seed, than the present ones. */
 const OUTDATED = " Of the settings before.";
 
 const find = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 
-/** Return what a part of the page holds, unpacked. @param {string} id */
+/** Return the unpacked contents of a part of the page. @param {string} id */
 async function unpack(id) {
   const packed = new Blob([fromBase64(find(id).textContent.trim())]).stream();
   return new Response(packed.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
 }
 
-/** Say what keeps the page from working. @param {unknown} what */
+/** Show an error that keeps the page from working. @param {unknown} what */
 function complain(what) {
   find("trouble").hidden = false;
   find("trouble").textContent = what instanceof Error ? what.message : `${what}`;
@@ -80,7 +80,7 @@ class Page {
     this.write_address();
   }
 
-  /** Take over changed values of keys. @param {Values} changes */
+  /** Change values of keys, and begin anew. @param {Values} changes */
   change(changes) {
     this.values = { ...this.values, ...changes };
     this.fit();
@@ -89,7 +89,7 @@ class Page {
     this.begin();
   }
 
-  /** Have values of keys, each one of its slider's, fit the others. */
+  /** Make values of keys, each allowed by its own slider, fit each other. */
   fit() {
     const { values, settings } = this, k = "neighbourhood.k", most = Math.max(1, values["agents.count"] - 1);
     if (values[k] > most) values[k] = settings.get(k).stops.filter((/** @type {number} */ stop) => stop <= most).pop();
@@ -97,7 +97,7 @@ class Page {
     if (settings.has("arena.width_cm")) values["arena.height_cm"] = values["arena.width_cm"];
   }
 
-  /** Say of figures of many trials that something has been changed since. */
+  /** Note on figures of many trials that something has been changed since. */
   outdate() {
     this.is_outdated = true;
     for (const id of ["histogram", "curve"]) {
@@ -201,7 +201,7 @@ class Page {
     return { picture: seen, glow, links: /** @type {any} */ (links), chosen, cones };
   }
 
-  /** Return whose rings a robot's camera sees: those in the direction of pixels that are set. @param {number} robot @param {number} half */
+  /** Return links to the robots whose rings a camera sees: lit ones in the direction of pixels that are set. @param {number} robot @param {number} half */
   sightings(robot, half) {
     const { x, y, heading, is_lit } = this.seen, pixels = this.swarm.camera(robot), { radii } = this.swarm;
     /** @type {number[][]} */
@@ -260,7 +260,7 @@ class Page {
     panel.replaceChildren(...parts, facts, row);
   }
 
-  /** Do something to the swarm that no command does. @param {() => void} what */
+  /** Change the swarm in a way that no command can. @param {() => void} what */
   touch(what) {
     what();
     this.is_touched = true;
@@ -300,7 +300,7 @@ class Page {
     this.show_values();
   }
 
-  /** Return whether a setting is there with the present values. @param {any} setting */
+  /** Return whether a setting exists with the present values. @param {any} setting */
   applies({ only }) {
     return !only || only[1].split(" ").includes(this.values[only[0]]);
   }
@@ -348,7 +348,7 @@ class Page {
     this.fit();
   }
 
-  /** What a link says of the page. */
+  /** Seed and changed values, for a link to the page. */
   get hash() {
     const changed = [...this.settings.values()].filter((each) => this.values[each.key] !== each.value).map((each) => [each.key, `${this.values[each.key]}`]);
     return `#${new URLSearchParams([["seed", `${this.seed}`], ...changed])}`;
@@ -358,7 +358,7 @@ class Page {
     try {
       history.replaceState(null, "", this.hash);
     } catch {
-      // of a frame in a notebook; and browsers refuse hundreds of changes in a few seconds
+      // a frame in a notebook has no address; and browsers refuse hundreds of changes in a few seconds
     }
     find("seed").value = `${this.seed}`;
     find("command-is").textContent = this.command;
@@ -377,7 +377,7 @@ class Page {
 
   // --- many trials ---------------------------------------------------------------------------------------
 
-  /** Run trials with each of some values of keys. @param {Values[]} points @param {number} count @param {(results: Result[][]) => void} show */
+  /** Run `count` trials with the values of each point. @param {Values[]} points @param {number} count @param {(results: Result[][]) => void} show */
   async run(points, count, show) {
     const results = points.map(() => /** @type {Result[]} */ ([])), progress = find("progress");
     let shown = 0;
@@ -406,7 +406,7 @@ class Page {
     }
   }
 
-  /** Show a figure with what it says. @param {string} id @param {string} said */
+  /** Show a figure with a caption. @param {string} id @param {string} said */
   caption(id, said) {
     const figure = find(id).parentElement;
     figure.hidden = false;
@@ -562,7 +562,7 @@ class Page {
     find("copied").textContent = `${what} is copied.`;
   }
 
-  /** Return the scenario as it is now, as the program reads it. */
+  /** Return the present scenario in the form that the program reads. */
   nested() {
     const found = structuredClone(this.data.nested);
     for (const [key, value] of this.changes()) {
@@ -596,14 +596,14 @@ function tag(name, text, kind = "") {
   return Object.assign(document.createElement(name), { textContent: text, className: kind });
 }
 
-/** Have the browser save a file. @param {string} name @param {string} text */
+/** Make the browser save a file. @param {string} name @param {string} text */
 function save(name, text) {
   const link = Object.assign(document.createElement("a"), { download: name, href: URL.createObjectURL(new Blob([text])) });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
-/** Return a value as YAML: a key a line, and what is no mapping as JSON, which is YAML, too. @param {any} value @param {string} indent @returns {string} */
+/** Return a value as YAML: a line for each key; values that are no mappings are JSON, which is YAML, too. @param {any} value @param {string} indent @returns {string} */
 function toYaml(value, indent = "") {
   return Object.entries(value).map(([key, each]) => {
     if (each && typeof each === "object" && !Array.isArray(each) && Object.keys(each).length) return `${indent}${key}:\n${toYaml(each, `${indent}  `)}`;

@@ -1,13 +1,13 @@
 "use strict";
-// A swarm of robots: a block as the program has made it, bodies in Chipmunk, trials, and what a page shows.
+// A swarm of robots: a block that the program has made, bodies in Chipmunk, trials, and the picture that a page shows.
 
 /** What `take_steps` returns when the reference fires. */
 const FIRED = -2;
 
-/** Control steps after which a trial that runs in slices looks up. */
+/** Most control steps in one call of a trial that runs in slices. */
 const UNSEEN_STEPS = 50;
 
-/** Trials that run in slices let others have their turn after so many of them. */
+/** Number of such calls after which a trial lets others have their turn. */
 const SLICE = 20;
 
 /** @param {string} text in base 64 */
@@ -77,7 +77,7 @@ class Robots {
     }
   }
 
-  /** Set the size of the arena, and with it the cells: what `set_cells` does. */
+  /** Set the size of the arena, and with it the cells, as `set_cells` does. */
   set_size() {
     const width = this.values["arena.width_cm"], height = this.values["arena.height_cm"], { cell_cm } = this.facts;
     const side = Math.max(cell_cm, Math.sqrt((width * height) / this.count));
@@ -133,10 +133,10 @@ class Robots {
     ];
   }
 
-  /** Prepare what decides when a trial ends: what `SynchronyWatch` does. */
+  /** Find the oscillators, and the limits at which a trial ends, as `SynchronyWatch` does. */
   set_watch() {
     const { facts } = this, { step_ms } = facts;
-    /** Of each oscillator, where its phase stands in the block, as what, and its period in ms. @type {{robot: number, at: number, kind: string, period: number}[]} */
+    /** For each oscillator, the place and kind of its phase in the block, and its period in ms. @type {{robot: number, at: number, kind: string, period: number}[]} */
     this.oscillators = [];
     this.groups.forEach((/** @type {any} */ group, /** @type {number} */ number) => {
       const [phase, period] = [facts.memories[number].phase_ms, facts.parameters[number].period_s];
@@ -195,7 +195,7 @@ class Robots {
     this.dark = new Set();
   }
 
-  /** Write what a group's robots remember at the start, where the scenario says so. @param {number} number */
+  /** Write the memory at the start of a group's robots, as far as the scenario gives it. @param {number} number */
   set_memory(number) {
     const group = this.groups[number];
     for (const [name, given] of Object.entries(this.facts.memory[number])) {
@@ -266,7 +266,7 @@ class Robots {
     return { seed: this.seed, cycles: cycles ?? 0, is_synchronised: this.is_synchronised, order_parameter: order, steps: this.steps, time_s: (this.steps * this.facts.step_ms) / 1000 };
   }
 
-  /** Simulate up to a time, or to the end of the trial; tell of each flash. */
+  /** Simulate up to a time, or to the end of the trial; call `tell` at each flash. */
   /** @param {number} time_s @param {(time_s: number, robot: number) => void} tell */
   advance_to(time_s, tell) {
     while (!this.has_ended && (this.steps - 1) * this.step_s < time_s) {
@@ -293,7 +293,7 @@ class Robots {
     return found;
   }
 
-  /** Return what is to be seen now, between the last two control steps. @returns {Picture} */
+  /** Return the picture of this moment, between the last two control steps. @returns {Picture} */
   look() {
     const { count, before, last } = this;
     const share = Math.min(Math.max(1 - ((this.steps - 1) * this.step_s - this.now_s) / this.step_s, 0), 1);
@@ -323,7 +323,7 @@ class Robots {
     return this.block.floats(this.record("robot", robot) + this.facts.robot["sensors.infrared"][0], 8).slice();
   }
 
-  /** Return what a robot remembers, by name. @param {number} robot @returns {[string, number][]} */
+  /** Return a robot's memory, by name. @param {number} robot @returns {[string, number][]} */
   memory(robot) {
     const { group, number } = this.group_of(robot), first = group.memory + (robot - group.first) * group.size;
     /** @type {[string, [number, string]][]} */

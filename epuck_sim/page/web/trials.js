@@ -1,13 +1,13 @@
 "use strict";
-// Many trials: in workers where there are any, else in the page between two pictures; and what they say of T_sync.
+// Many trials: in workers if there are any, else in the page between two pictures; and the estimate of T_sync from them.
 
 /** @typedef {{values: Values, master: bigint, trial: number, point: number}} Task a trial of one of several points */
 /** @typedef {{task: Task, result: Result}} Done */
 
-/** Time for which trials keep the page busy at once, where there are no workers, ms. */
+/** Time for which trials keep the page busy at once, if there are no workers, ms. */
 const BUSY_MS = 12;
 
-/** Return a function that makes the swarm of values, or takes the last one if they are its own. */
+/** Return a function that makes the swarm for some values, or returns the last one if it has the same values. */
 /** @param {Modules} modules @param {any} facts @returns {(values: Values) => any} */
 function swarmMaker(modules, facts) {
   /** @type {any} */
@@ -39,7 +39,7 @@ function runTask(swarm, task) {
   return step.value;
 }
 
-/** Runs trials and tells of each result; one set of trials at a time. */
+/** Runs trials, one set at a time, and reports each result. */
 class Trials {
   /** @param {string} source of a worker @param {Modules} modules @param {any} facts */
   constructor(source, modules, facts) {
@@ -50,7 +50,7 @@ class Trials {
     this.round = 0;
   }
 
-  /** Run trials: `count` with each of some values of keys. */
+  /** Run `count` trials with the values of each point. */
   /** @param {Values[]} points @param {number} count @param {bigint} master @param {(done: Done) => void} tell @param {() => void} alone called if there are no workers */
   async run(points, count, master, tell, alone) {
     this.stop();
@@ -127,7 +127,7 @@ class Trials {
   }
 }
 
-/** Fewest trials with an interval. */
+/** Fewest trials for an interval. */
 const MIN_TRIALS = 5;
 
 /** Return the mean of T_sync in cycles, restricted to a limit where trials are censored, with its 95 % interval. */
