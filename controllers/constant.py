@@ -6,7 +6,7 @@ MEMORY = {}
 
 
 def check(parameters):
-    """Refuse what the wheels cannot do."""
+    """Refuse speeds beyond the wheels' limit."""
     for name in ("left_cm_s", "right_cm_s"):
         speed = getattr(parameters, name)
         if not -12.8 <= speed <= 12.8:

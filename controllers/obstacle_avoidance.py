@@ -8,7 +8,7 @@ from epuck_sim.util.rng import randint
 PARAMETERS = {
     "speed_cm_s": 12.8,  # V, straight ahead
     "proximity_threshold": 70,  # proxThres: nearer than 100 - 70 = 30 mm is close
-    "proximity_count_threshold": 5,  # proxCountThres: what is close for longer, in steps, is a wall
+    "proximity_count_threshold": 5,  # proxCountThres: an object that is close for more steps is a wall
     "rotation_max": 25,  # rotMax: maximum duration of a random turn, in steps
     "rotation_speed_cm_s": 12.8,  # MAX_SPEED
 }
@@ -21,7 +21,7 @@ ANGLE_Y = (30, 72, 100, 48, -48, -100, -72, -30)  # hundredths; y to the robot's
 
 
 def check(parameters):
-    """Refuse what the wheels cannot do, and counts that make no sense."""
+    """Refuse speeds beyond the wheels' limit, and counts that make no sense."""
     for name in ("speed_cm_s", "rotation_speed_cm_s"):
         speed = getattr(parameters, name)
         if not 0 <= speed <= 12.8:
@@ -55,7 +55,7 @@ def proximity(distance_mm):
 
 
 def proximity_pointer(sensors, parameters):
-    """Return calculateProxPointer: the vector to the middle of what is close."""
+    """Return calculateProxPointer: the vector to the middle of close objects."""
     x = 0
     y = 0
     for sensor in FRONT:
@@ -67,7 +67,7 @@ def proximity_pointer(sensors, parameters):
 
 
 def choose_speeds(x, y, memory, parameters, random):
-    """Run calculateMotorSpeed: forward, or a turn away from what lies at (x, y)."""
+    """Run calculateMotorSpeed: forward, or a turn away from an object at (x, y)."""
     threshold = parameters.proximity_threshold
     turn = int(parameters.rotation_speed_cm_s * 10 + 0.5)
 

@@ -1,6 +1,6 @@
 """The pulse-coupled oscillator of thesis section 4.1.2: Algorithm 1, and Algorithm 2 where `delay_ms` is above 0.
 
-All in whole milliseconds, as the e-puck has no floating-point unit; results are truncated.
+All times are whole milliseconds, as the e-puck has no floating-point unit; results are truncated.
 """
 
 from epuck_sim.util.rng import randint
@@ -45,7 +45,7 @@ def check(parameters):
 
 
 def whole_ms(seconds):
-    """Return integer milliseconds; the allowance keeps 1.001 s from becoming 1000 ms."""
+    """Return whole milliseconds; the small addition keeps 1.001 s from becoming 1000 ms."""
     return int(seconds * 1000 + 1e-6)
 
 
@@ -63,8 +63,8 @@ def is_flash(sensors, parameters):
 def updated(phase, parameters):
     """Return Algorithm 2's PHASEUPDATE': the new phase, and whether a new cycle began at the flash.
 
-    With no delay this is Algorithm 1's update (eq. 4.1). Line 2's modulo is left out: a phase out of the refractory
-    period is above the delay, and one that has passed the period must still fire, as it does in Algorithm 1.
+    With no delay this is Algorithm 1's update (eq. 4.1). Line 2's modulo is left out: a phase beyond the refractory
+    period exceeds the delay, and a phase that has passed the period must still fire, as in Algorithm 1.
     """
     period = whole_ms(parameters.period_s)
     factor = PARTS + int(parameters.coupling * PARTS + 0.5)

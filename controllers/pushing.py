@@ -7,7 +7,7 @@ MEMORY = oscillator.MEMORY
 
 
 def check(parameters):
-    """Refuse what the wheels cannot do, and what the oscillator refuses."""
+    """Refuse speeds beyond the wheels' limit, and what the oscillator refuses."""
     if not 0 <= parameters.speed_cm_s <= 12.8:
         raise ValueError(f"speed_cm_s is {parameters.speed_cm_s}; allowed: 0 to 12.8, the wheels' limit")
     oscillator.check(parameters)

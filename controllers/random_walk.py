@@ -1,7 +1,7 @@
 """A random walk (thesis 6.2): straight runs with a turn on the spot at the end of each, and Appendix B's avoidance.
 
 Runs have durations that are exponential, or follow a power law; a turn's angle has a wrapped Cauchy distribution, whose
-mean cosine is the persistence. Avoidance comes first: what is left of a run or of a turn goes on when the way is free.
+mean cosine is the persistence. Avoidance comes first: the rest of a run or of a turn follows when the way is free.
 """
 
 import math
@@ -22,7 +22,7 @@ LONGEST_RUN_MS = 1e12  # a power law may draw more than a number can hold
 
 
 def check(parameters):
-    """Refuse what obstacle avoidance refuses, and walks that there are not."""
+    """Refuse what obstacle avoidance refuses, and walks that cannot exist."""
     obstacle_avoidance.check(parameters)
     if parameters.rotation_speed_cm_s == 0:
         raise ValueError("rotation_speed_cm_s is 0; allowed: above 0, because turns of the walk take it")
@@ -58,9 +58,9 @@ def turn_rad(parameters, random):
 
 
 def step(sensors, memory, actuators, parameters, random):
-    """Avoid what is near; else go on with the turn, or with the run, and draw the next ones when a run is over."""
+    """Avoid near objects; else continue the turn, or the run, and draw the next turn and run when a run is over."""
     obstacle_avoidance.step(sensors, memory, actuators, parameters, random)
-    if memory.rotation_time > 0 or actuators.left_cm_s != actuators.right_cm_s:  # Appendix B stands still to toggle
+    if memory.rotation_time > 0 or actuators.left_cm_s != actuators.right_cm_s:  # avoidance stands still to reverse
         return
     if memory.turn_left_rad == 0:
         memory.run_left_ms -= sensors.step_ms
@@ -69,7 +69,7 @@ def step(sensors, memory, actuators, parameters, random):
             memory.turn_left_rad = turn_rad(parameters, random)
         return
     seconds = max(sensors.step_ms, 1) / 1000  # a faulty clock may stand still
-    whole_cm_s = memory.turn_left_rad * sensors.wheels.base_cm / 2 / seconds  # the wheels' speed for all in this step
+    whole_cm_s = memory.turn_left_rad * sensors.wheels.base_cm / 2 / seconds  # wheel speed to end the turn in this step
     fastest_cm_s = min(parameters.rotation_speed_cm_s, sensors.wheels.limit_cm_s)
     wheel_cm_s = min(max(whole_cm_s, -fastest_cm_s), fastest_cm_s)
     actuators.left_cm_s = -wheel_cm_s

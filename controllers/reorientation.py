@@ -10,7 +10,7 @@ from epuck_sim.util.rng import uniform
 
 PARAMETERS = {
     "speed_cm_s": 12.8,  # V, straight ahead
-    "reorientation_distance_mm": 30,  # what is nearer than this is turned away from
+    "reorientation_distance_mm": 30,  # distance within which a robot turns away
 }
 
 MEMORY = {}
@@ -19,7 +19,7 @@ DIRECTIONS_DEG = (-18, -45, -90, -142, 142, 90, 45, 18)  # of the infrared senso
 
 
 def check(parameters):
-    """Refuse what the wheels cannot do, and what infrared cannot see."""
+    """Refuse speeds beyond the wheels' limit, and distances beyond the range of infrared."""
     if not 0 <= parameters.speed_cm_s <= 12.8:
         raise ValueError(f"speed_cm_s is {parameters.speed_cm_s}; allowed: 0 to 12.8, the wheels' limit")
     if not 1 <= parameters.reorientation_distance_mm <= 100:
@@ -31,7 +31,7 @@ def start(memory, parameters, random):
 
 
 def nearness(sensors, parameters):
-    """Return the vector towards what is near, ahead and to the left; (0, 0) if nothing is."""
+    """Return the vector towards near objects, ahead and to the left; (0, 0) if there are none."""
     ahead = 0.0
     left = 0.0
     for sensor in range(8):

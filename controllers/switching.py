@@ -1,14 +1,14 @@
 """A firefly that is fast until it flashes together with others, and slow from then on (thesis 6.2).
 
-Its camera alone decides. A flash that begins while the robot's own phase is refractory comes with its own: so many of
-them in a row, and the robot takes the others for synchronised. A flash at any other time, and it is fast again.
+Only its camera decides. A flash that begins within the robot's own refractory period comes together with its own. After
+enough of these in a row, it takes the others for synchronised; after a flash at any other time, it is fast again.
 """
 
 import firefly
 
 PARAMETERS = firefly.PARAMETERS | {
     "slow_cm_s": 1.0,  # speed ahead of a robot that takes the others for synchronised
-    "flashes_to_settle": 5,  # flashes in its own window, in a row, after which it does
+    "flashes_to_settle": 5,  # flashes in a row, in its refractory period, after which it does
 }
 MEMORY = firefly.MEMORY | {"flashes_in_window": int}
 

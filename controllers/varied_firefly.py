@@ -1,6 +1,6 @@
 """A firefly with a speed of its own, drawn from a lognormal distribution, once or again and again (thesis 6.2).
 
-`speed_cm_s` is the mean over robots. A robot faster than its wheels allow goes as fast as they do.
+`speed_cm_s` is the mean over robots. Wheels limit the speed of a robot that would be faster.
 """
 
 import math

@@ -8,6 +8,6 @@ PARAMETERS = {"bend": 2.0}
 
 
 # Called at each pulse: `phase` is from above the refractory period to 1, `coupling` the scenario's.
-# Return the shift of the phase; what passes 1 fires. It follows from its arguments alone, and is compiled.
+# Return the shift of the phase; a phase beyond 1 fires. It is compiled, and must depend on its arguments only.
 def phase_shift(phase, coupling, parameters):
     return coupling * phase**parameters.bend

@@ -10,7 +10,7 @@ class NAME:
     """Path length of the swarm's centre in cm."""
 
     # The simulation is a `Simulation` of robots or a `ParticleSimulation`, before its first event.
-    # What follows the star are parameters, with defaults; a scenario sets them as {NAME.py: {from_cycle: 3}}.
+    # Arguments after the star are parameters, with defaults; a scenario sets them as {NAME.py: {from_cycle: 3}}.
     def __init__(self, simulation, *, from_cycle=1):
         self.simulation = simulation
         self.from_cycle = from_cycle
@@ -29,7 +29,7 @@ class NAME:
             self.length_cm += float(np.linalg.norm(centre - self.centre))
         self.centre = centre  # arrays of robots are overwritten in the next step: keep copies; a mean is one
 
-    # Called at the end: return a number, True or False, None where it is undetermined, or a list with one of these
+    # Called at the end: return a number, True or False, None if it is undetermined, or a list with one of these
     # for each cycle.
     def value(self):
         return self.length_cm

@@ -1,4 +1,4 @@
-"""A sensor of robots; see what it tells in a trace:
+"""A sensor of robots; see its readings in a trace:
 
 epuck-sim run thesis --set "robots.0.sensors=[NAME.py]" --trace NAME.parquet
 
@@ -19,7 +19,7 @@ READINGS = {"NAME": float, "NAME_light": float}
 
 # Called for each robot in each control step, before any controller.
 # `world` has time_s, width_cm, height_cm, radius_cm, robots (x, y, heading, radius_cm, ring_on, present, number of
-# each), circles and edges (of obstacles); `robot` is the one that senses. What else it may ask is in
+# each), circles and edges (of obstacles); `robot` is the one that senses. Functions that it may call are in
 # epuck_sim.embodied.sensing.
 # `readings` keep their values until they are set again. Draw random numbers from `random`, and from nowhere else.
 def sense(world, robot, readings, parameters, random):

@@ -9,7 +9,7 @@ READINGS = {"light": (float, 3)}
 
 
 def sense(world, robot, readings, parameters, random):
-    """Tell the light on the floor below each sensor."""
+    """Read the light on the floor below each sensor."""
     for place in range(3):
         angle = robot.heading + place * 2 * math.pi / 3
         x = robot.x + parameters.circle_cm * math.cos(angle)
