@@ -362,9 +362,9 @@ def _unknowns(
 ) -> tuple[FloatArray, BoolArray]:
     """Return (8,) values at which a fit begins, and which of them are fitted; the others are held.
 
-    0 to 2: rotation vector, held without corners; its first two are fitted if there are enough rings. 3, 4: offset
-    relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if the
-    lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
+    0 to 2: rotation vector; without corners, the third, the turn, is held; without corners and enough rings, all. 3, 4:
+    offset relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if
+    the lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
     """
     start = np.zeros(8)
     if corners is not None:

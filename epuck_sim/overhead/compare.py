@@ -141,7 +141,7 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estim
     likely -= likely.max()
     place = np.unravel_index(likely.argmax(), likely.shape)
     centre = float(means[place[0]])
-    ends = []  # of the intervals in which the profile likelihood is high enough, a step wider at most
+    ends = []  # of the intervals with a profile likelihood above the cut, at most a step wider
     for grid, other in ((means, 1), (widths, 0)):
         inside, step = grid[likely.max(axis=other) >= -CUT], grid[1] - grid[0]
         ends.append((float(max(inside[0] - step, grid[0])), float(inside[-1] + step)))
@@ -216,9 +216,9 @@ class Verdict(NamedTuple):
 
 
 def judge(rows: Sequence[QuantityComparison]) -> Verdict:
-    """Return the verdict of one test of all quantities, whose distribution is each trial's distance from the rest.
+    """Return the verdict of one test of all quantities; the distances of trials from the rest give its distribution.
 
-    The distribution of the largest distance accounts for many quantities that depend on each other.
+    The distribution of the largest distance accounts for testing many quantities, which depend on each other.
     """
     trials = len(rows[0].trials)
     distances = np.array([row.distances() for row in rows])

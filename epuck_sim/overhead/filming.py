@@ -88,7 +88,7 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
 def film_recording(
     recording: Path, overrides: Sequence[str], path: Path, progress: ProgressWrapper, lens: Path | None = None
 ) -> None:
-    """Film a recorded trial with the overhead camera of its scenario, changed as by `--set`, through a lens of a file.
+    """Film a recorded trial with the overhead camera of its scenario, changed as by `--set`, through a lens in a file.
 
     Raises:
         EpuckSimError: The recording cannot be filmed, an override is no camera key, or the film cannot be written.

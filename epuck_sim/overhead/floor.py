@@ -122,7 +122,7 @@ def _relative_shade(grey: Float32Array) -> Float32Array | None:
 
 
 def _outline_corners(shade: Float32Array) -> FloatArray | None:
-    """Return (4, 2) px: corners between the four longest sides of the floor's hull; None if the floor is cut off."""
+    """Return (4, 2) px: intersections of the four longest sides of the floor's convex hull; None if it is cut off."""
     floor = (np.abs(shade - 1) < BAND).astype(np.uint8)
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(floor, connectivity=4)
     label = int(boxes[1:, cv2.CC_STAT_AREA].argmax()) + 1 if len(boxes) > 1 else 0
@@ -201,7 +201,7 @@ def _fit_side(
 
 
 def _edges(contrast: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the samples, as fractions, where (n, m) rows have half the contrast farther out; and whether they have."""
+    """Return the sample, a fraction, where each of (n, m) contrasts is half of that just beyond; and whether it is."""
     width = contrast.shape[1]
     rows, samples = np.arange(len(contrast)), np.arange(width)
     leaves = (contrast > BAND).argmax(axis=1)

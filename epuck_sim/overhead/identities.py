@@ -1,4 +1,4 @@
-"""Finds out which flashes are of the same robot, in a film in which robots are dark between their flashes.
+"""Finds the flashes of each robot in a film, in which robots are dark between their flashes.
 
 Each flash is linked to at most one before and one after it. Of all ways to link the flashes of some periods, the
 likeliest is taken (`scipy.optimize.linear_sum_assignment`); the robots' habits are learnt from it, and flashes are

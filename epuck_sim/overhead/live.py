@@ -159,7 +159,7 @@ class LiveCamera:
     width_px = height_px = 0
 
     def __init__(self, number: int, tell: Callable[[str], None]) -> None:
-        """Open a camera, 0 for the first; tell when it drops out and is back; raise FilmError if it shows nothing."""
+        """Open a camera, 0 for the first; `tell` reports drop-outs and returns; raise FilmError if it shows nothing."""
         self.name = f"camera {number}"
         self.warnings: list[str] = []
         """Sentences about the times at which it dropped out."""

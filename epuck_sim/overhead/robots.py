@@ -42,7 +42,7 @@ class Robots(NamedTuple):
     numbers: IntArray  # (robots,) their numbers, ascending: those of their tags, or from 0
     poses: FloatArray | None
     """(frames, robots, 3) cm, cm, rad: x, y, heading by tags, NaN where none is read; None without tags."""
-    warnings: tuple[str, ...]  # sentences about what is doubtful
+    warnings: tuple[str, ...]  # sentences about doubts
 
 
 def find_robots(track: Track) -> Robots:

@@ -75,7 +75,7 @@ class Track(NamedTuple):
     confidence: Literal["high", "low", "none"]
     """Whether T_sync, or that there is none, can be trusted: `low` if it is doubtful, `none` if nothing can be said."""
     reasons: tuple[str, ...]  # sentences about why there is no T_sync; empty if there is one
-    warnings: tuple[str, ...]  # sentences about what is doubtful
+    warnings: tuple[str, ...]  # sentences about doubts
     times_s: FloatArray
     counts: IntArray
     evaluations: tuple[synchrony.Evaluation, ...]

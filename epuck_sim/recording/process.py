@@ -45,7 +45,7 @@ def run_rerun(*arguments: str) -> None:
 
 def crashes_on(recording: Path) -> bool:
     """Return whether rerun's program crashes on a recording, as this process might if it read the recording."""
-    return _run("rrd", "verify", str(recording)).returncode not in (0, 1)  # 1: it says what is wrong
+    return _run("rrd", "verify", str(recording)).returncode not in (0, 1)  # 1: it reports a mistake
 
 
 def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -128,7 +128,7 @@ class ViewerProcess:
 
 
 def _end_with_parent() -> Callable[[], None] | None:
-    """Return a function by which Linux kills a child process when the thread that started it ends."""
+    """Return a function that makes Linux kill a child process when the thread that started it ends."""
     if sys.platform != "linux":
         return None
     set_option, parent = ctypes.CDLL(None).prctl, os.getpid()

@@ -545,7 +545,7 @@ class Page {
     });
   }
 
-  // --- what is taken away ------------------------------------------------------------------------------------
+  // --- links, commands and files -----------------------------------------------------------------------------
 
   /** @param {string} text @param {string} what */
   async copy(text, what) {
