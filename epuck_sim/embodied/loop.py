@@ -1,6 +1,6 @@
 """The control loop: move, sense, control, act, many steps in one call of compiled code (thesis 3.1.4.1).
 
-Measures see such a stretch of steps together.
+Measures receive such a stretch of steps at once.
 """
 
 import math
@@ -34,7 +34,7 @@ from epuck_sim.util.native import address_of, array_at, call
 from epuck_sim.util.rng import uniform
 
 DONE, FIRED, AT_WORK = -1, -2, -3
-"""Outcomes of `take_steps`: without and with a firing of the reference at the end; and, for steps yet to be taken."""
+"""Outcomes of `take_steps`: no firing of the reference in the last step, a firing in it, or steps not yet taken."""
 
 
 @jit_no_alloc
@@ -50,7 +50,7 @@ def tick(block: ByteArray, _addresses: IntArray, _number: int) -> None:
 
 @jit_no_alloc
 def stop_and_release(block: ByteArray, _addresses: IntArray, _number: int) -> None:
-    """Stop and release robots: free and stuck by turns for exponentially distributed times, free at first (4.4)."""
+    """Switch robots between free and stuck after exponentially distributed times; they are free at first (4.4)."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     time_s = scene.step * scene.step_s
@@ -78,10 +78,10 @@ def begin_step(block: ByteArray, addresses: IntArray) -> None:
 
 @jit_no_alloc
 def apply_commands(swarm: Swarm) -> int:
-    """Carry out wheels, turns and rings as commanded; return the first robot whose command is no number, or -1.
+    """Carry out wheels, turns and rings as commanded; return the first robot whose command is not a number, or -1.
 
-    A robot whose wheels keep their speeds moves along an arc. Rigid bodies are given the velocity along the arc's
-    chord, so that one that touches nothing ends the step exactly on the arc, with the heading that belongs there.
+    A robot whose wheels keep their speeds moves along an arc. Its rigid body gets the velocity along the arc's chord,
+    so that, if it touches nothing, it ends the step exactly on the arc, with the right heading.
     """
     slip, step_s = swarm.scene[0].slip, swarm.scene[0].step_s
     for number in range(len(swarm.robots)):
@@ -95,7 +95,7 @@ def apply_commands(swarm: Swarm) -> int:
         robot.turn_rad = turn
         robot.ring_command = robot.actuators.ring_on != 0
         robot.ring_on = robot.ring_command
-        # a noise of 0 makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki); turns come first
+        # noise from 0 to 1 multiplies a wheel's speed by 1 - slip to 1 + slip (Enki); turns come first
         noise, gain = robot.wheel_noise, robot.wheel_gain
         left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]
         right = robot.right_cm_s * (1.0 + slip * (2.0 * noise[1] - 1.0)) * gain[1]
@@ -112,16 +112,16 @@ def apply_commands(swarm: Swarm) -> int:
 
 @jit_no_alloc
 def act(block: ByteArray) -> int:
-    """Carry out what controllers command; return the first robot with a speed or a turn that is no number, or -1."""
+    """Carry out controllers' commands; return the first robot with a speed or turn that is not a number, or -1."""
     swarm = swarm_at(block)
     for robot in range(len(swarm.robots)):
-        swarm.robots[robot].ring_before = swarm.robots[robot].ring_on  # which is what others see
+        swarm.robots[robot].ring_before = swarm.robots[robot].ring_on  # as others see it
     return apply_commands(swarm)
 
 
 @jit_no_alloc
 def make_calls(block: ByteArray, addresses: IntArray, first: int, end: int) -> None:
-    """Make some of the calls of a control step."""
+    """Make the calls `first` to `end` - 1 of a control step."""
     calls = swarm_at(block).calls
     for index in range(first, end):
         call(addresses[calls[index].function], block, addresses, calls[index].argument)
@@ -131,8 +131,8 @@ def make_calls(block: ByteArray, addresses: IntArray, first: int, end: int) -> N
 def fires(block: ByteArray) -> bool:
     """Return whether the reference fires in this control step; to be called once in each (thesis 4.2.1).
 
-    A robot fires when its ring is commanded to light up, or when it is so already and the phase falls. That is as
-    commanded, even if the ring has a fault.
+    A robot fires when its ring is commanded to light up, or when the ring is already commanded to be lit and the phase
+    falls. Commands count, even if the ring has a fault.
     """
     swarm = swarm_at(block)
     scene = swarm.scene[0]
@@ -150,11 +150,11 @@ def fires(block: ByteArray) -> bool:
 
 @jit_no_alloc
 def take_steps(block: ByteArray, addresses: IntArray, steps: int, until_firing: bool) -> int:
-    """Take a number of control steps, or as many as it takes until the reference fires, if that is asked for.
+    """Take a number of control steps; with `until_firing`, stop after a step in which the reference fires.
 
     Bodies move before each step but the first. All robots sense the same instant, as rings and wheels take effect after
-    all controllers have run. Return the first robot whose controller set a speed or a turn that is no number, which
-    ends the loop; or `DONE`, or `FIRED` if the reference fires in the last step.
+    all controllers have run. A speed or a turn that is not a number ends the loop: then return the first robot whose
+    controller set one; else `FIRED` if the reference fires in the last step, or `DONE`.
     """
     scene = swarm_at(block).scene[0]
     late, calls = scene.late, scene.calls
@@ -174,7 +174,7 @@ def take_steps(block: ByteArray, addresses: IntArray, steps: int, until_firing: 
 
 @jit_no_alloc
 def act_again(block: ByteArray, addresses: IntArray) -> None:
-    """Have robots do what actuators say, from the last control step on: as if controllers had said so in it."""
+    """Carry out the actuators' commands from the last control step on, as if controllers had given them in it."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     if scene.step >= 0:  # before, nobody can act
@@ -186,10 +186,10 @@ def act_again(block: ByteArray, addresses: IntArray) -> None:
 def act_together(
     block: ByteArray, addresses: IntArray, places: IntArray, copies: ByteArray, outcomes: IntArray, steps: int
 ) -> None:
-    """Have the swarms whose outcome is `AT_WORK` take steps, until their references fire, and write what comes out.
+    """Take steps, until the reference fires, of each swarm whose outcome is `AT_WORK`, and write the new outcomes.
 
-    Each first does what actuators say in its row of copies, which are of the beginnings of blocks, and is copied then.
-    Places are those of its block and its addresses, in bytes from those of the first swarm, which are given.
+    A row of `copies` holds the beginning of a swarm's block: its actuators are carried out first, and it is updated at
+    the end. A row of `places` has the offsets in bytes of a swarm's block and addresses from those of the first swarm.
     """
     for swarm in range(len(places)):
         if outcomes[swarm] != AT_WORK:
@@ -208,7 +208,7 @@ def act_together(
 def plan_calls(
     scenario: EmbodiedScenario, sensors: Sequence[OwnSensor], controllers: Sequence[GroupControllers]
 ) -> tuple[list[tuple[Any, int]], list[tuple[Any, int]]]:
-    """Return the calls of a control step, early and late: functions (block, addresses, number), with their numbers."""
+    """Return the calls before and after commands are carried out: functions (block, addresses, number) and numbers."""
     groups, differ, faulty = range(len(scenario.robots)), scenario.spread.clock_rate > 0, bool(scenario.faults)
     early = [
         *([(tick, 0)] * differ),
@@ -235,12 +235,12 @@ def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
 
 
 class ControlLoop:
-    """The control loop of a swarm in this process: compiled, or as plain Python around controllers that are."""
+    """The control loop of a swarm in this process: compiled, or in plain Python (see `_in_python`)."""
 
     addresses: IntArray  # addresses of all that a control step calls
     functions: Mapping[int, Any]
     """The kernels, controllers and sensors that it calls, by their indices in the addresses."""
-    is_compiled: bool  # whether `take_steps` is; else it is plain Python
+    is_compiled: bool  # whether `take_steps` is compiled; else it is plain Python
 
     def __init__(
         self,
@@ -253,7 +253,7 @@ class ControlLoop:
         *,
         interpret: bool,
     ) -> None:
-        """Compile what a control step calls, sensors in files of their own included, and number it in the block."""
+        """Compile the kernels that a control step calls, and write the numbers of all its calls to the block."""
         self._block = block
         early, late = plan_calls(scenario, sensors, groups)
         every = [*early, *late]
@@ -274,10 +274,10 @@ class ControlLoop:
         world.use(block, swarm, self.addresses)
         self.is_compiled = not (interpret or world.is_public)
         self.take_steps: Any = take_steps if self.is_compiled else _in_python(swarm, world, every)
-        self.take(0)  # compiles now, which belongs to no trial's time
+        self.take(0)  # compiles now, so that no trial's time includes it
 
     def take(self, steps: int, *, until_firing: bool = False) -> int:
-        """Carry out `take_steps`."""
+        """Call `take_steps`."""
         return int(self.take_steps(self._block, self.addresses, steps, until_firing))
 
 
@@ -305,7 +305,7 @@ MOST_STEPS = 50
 
 
 class Stretch(NamedTuple):
-    """Steps in a row, in one arena with the same robots; the last of them is the simulation's last step.
+    """Consecutive steps, in one arena with the same robots; the last of them is the simulation's last step.
 
     The arrays are overwritten by the next stretch: copy what you keep.
     """
@@ -314,9 +314,9 @@ class Stretch(NamedTuple):
     poses: FloatArray  # (steps, robots, 3) cm, cm, rad: x, y, heading
     wheels_cm_s: FloatArray  # (steps, robots, 2) cm/s: left and right wheel as commanded
     ring_on: BoolArray  # (steps, robots): whether the ring is lit
-    ring_before: BoolArray  # (steps, robots): whether it was lit before controllers acted, which is what others see
+    ring_before: BoolArray  # (steps, robots): whether it was lit before controllers acted, as others see it
     present: BoolArray  # (robots,): whether each robot is in the arena
-    scene: Scene  # the arena, and places for robots, for those who look from outside
+    scene: Scene  # the arena and its robots, for observers
 
     @property
     def sightings(self) -> IntArray:
@@ -344,7 +344,7 @@ def record_steps(
     ring_on: BoolArray,
     ring_before: BoolArray,
 ) -> int:
-    """Take control steps until the reference fires, as `take_steps` does, and write what `Stretch` has of each."""
+    """Take control steps until the reference fires, as `take_steps` does, and write each to arrays as in `Stretch`."""
     robots = swarm_at(block).robots
     outcome = DONE
     for step in range(steps):
@@ -362,10 +362,10 @@ def record_steps(
 
 
 class History:
-    """Takes steps of a simulation's control loop, and keeps what measures need of them."""
+    """Takes steps of a simulation's control loop, and records them for measures."""
 
     def __init__(self, scenario: EmbodiedScenario, block: ByteArray, swarm: Swarm, loop: ControlLoop) -> None:
-        """Make room for `MOST_STEPS` steps, and compile what takes them."""
+        """Make arrays for `MOST_STEPS` steps, and compile `record_steps`, unless the loop is plain Python."""
         self._scenario, self._block, self._loop = scenario, block, loop
         self._present: BoolArray = swarm.robots.present
         robots = len(swarm.robots)
@@ -377,14 +377,14 @@ class History:
         in_python = {"take_steps": loop.take_steps, "swarm_at": lambda _: swarm}
         self._record = record if loop.is_compiled else bind(record.function, **in_python)
         self._scene: tuple[Arena, Scene] | None = None
-        self.take(0)  # compiles now, which belongs to no trial's time
+        self.take(0)  # compiles now, so that no trial's time includes it
 
     def take(self, steps: int) -> int:
-        """Take up to so many steps, as `record_steps` does."""
+        """Take up to this number of steps, as `record_steps` does."""
         return int(self._record(self._block, self._loop.addresses, steps, *self._arrays))
 
     def stretch(self, first: int, steps: int, arena: Arena) -> Stretch:
-        """Return so many steps that were taken from step `first` on, in this arena."""
+        """Return the steps just taken: this number of them, from step `first` on, in this arena."""
         if self._scene is None or self._scene[0] is not arena:
             self._scene = arena, make_scene(self._scenario.robots, self._scenario.group_kinds, arena)
         scene = self._scene[1]
@@ -398,26 +398,26 @@ class History:
 # --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------
 
 PARTS = {"left_cm_s": "wheels", "right_cm_s": "wheels", "ring_on": "ring"}
-"""Commands by name, and the part of a controller's `EXTERNAL` that leaves each to commands."""
+"""The part of `EXTERNAL` that a controller leaves to each command, by the command's name."""
 
 
 class Commands:
-    """The commands from outside to the robots of one simulation, which actuators keep until the next."""
+    """Commands from outside to the robots of one simulation; actuators hold each until the next."""
 
-    robots: dict[str, IntArray]  # by part, of `EXTERNAL`, (n,) numbers of the robots that are commanded
+    robots: dict[str, IntArray]  # (n,) numbers of the robots that are commanded, by part of `EXTERNAL`
 
     def __init__(self, controllers: Sequence[Controller], block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
         """Find the robots that are commanded from outside, in groups with these controllers."""
-        self.memory = block, addresses  # of the swarm, and of what it calls
+        self.memory = block, addresses  # of the swarm, and of the functions that it calls
         external = {part: [part in each.external for each in controllers] for part in EXTERNAL}
         self.robots = {part: np.flatnonzero(np.repeat(each, swarm.groups["count"])) for part, each in external.items()}
         self._actuators = swarm.robots.actuators
 
     def carry_out(self, commands: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Have robots do what is commanded, by names in `PARTS`, from the last control step on.
+        """Carry out commands, by their names in `PARTS`, from the last control step on.
 
         Raises:
-            ValueError: Robots cannot be commanded so, or nothing is; then nothing is carried out.
+            ValueError: A command is not allowed, or none is given; then nothing is carried out.
         """
         if not commands:
             raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")

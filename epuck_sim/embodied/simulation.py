@@ -1,7 +1,7 @@
 """The embodied simulation: sense, control, act, move, one control step after the other (thesis 3.1.4.1).
 
 Within a step all robots sense the same instant, then every controller runs, then rings and wheels take effect, then
-bodies move. What a controller commands in one step is seen by the other robots in the next.
+bodies move. Other robots see the effects of a command in the next step.
 """
 
 import math
@@ -46,7 +46,7 @@ from epuck_sim.util.messages import whole
 
 
 class Change(NamedTuple):
-    """A call from outside that changed a simulation after so many control steps: a method and its arguments."""
+    """An external call that changed a simulation: control steps taken before it, the method and its arguments."""
 
     steps: int
     method: str
@@ -61,7 +61,7 @@ class Snapshot:
     scenario: EmbodiedScenario
     seed: int
     steps: int  # control steps taken
-    changes: tuple[Change, ...] = field(repr=False)  # what was commanded and changed from outside, in order
+    changes: tuple[Change, ...] = field(repr=False)  # commands and changes from outside, in order
 
 
 class Simulation:
@@ -89,7 +89,7 @@ class Simulation:
     is_firing: bool
     """Whether the reference, an oscillator, fires in the last step (thesis 4.2.1)."""
     commands: Commands
-    """Carries out commands from outside, unknown to snapshots, which know of those given by `command`."""
+    """Carries out commands from outside; snapshots include only those given by `Simulation.command`."""
 
     def __init__(
         self,
@@ -117,10 +117,10 @@ class Simulation:
             raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")
         self._step_ms, self._interpret = scenario.timing.step_ms, interpret
         self.step_s = self._step_ms / 1000
-        self._timed = TimedEntries(  # by the first control step that is not before a time
+        self._timed = TimedEntries(  # by the first control step at or after a time
             scenario.schedule, lambda at_s: math.ceil(round(at_s * 1000, 6) / self._step_ms), sys.maxsize
         )
-        self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # steps at once
+        self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # largest number of steps in one call
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         self._has_replaced = False
         controllers = [find_controller(group.controller) for group in scenario.robots]
@@ -134,7 +134,7 @@ class Simulation:
         self.reset(seed)
 
     def _build(self, controllers: list[Controller], parameters: list[npt.NDArray[np.void]]) -> None:
-        """Make all that works on the swarm's block, for these controllers and parameters of the groups."""
+        """Create the objects that use the swarm's block, with these controllers and parameters of the groups."""
         scenario, block, swarm = self.scenario, self._block, self._swarm
         put_at_given_poses(swarm, scenario)
         self._scene = Scene(scenario.robots, block, swarm)
@@ -162,19 +162,19 @@ class Simulation:
         self._show(self._arenas[0])
 
     def _show(self, arena: Arena) -> None:
-        """Find the arrays that steps show in an arena, which the swarm is in."""
+        """Prepare the arrays that steps show while the swarm is in this arena."""
         self._arena = arena
         memories = [group.memory for group in self._groups]
         sensed = [(sensor.robots, sensor.readings) for sensor in self._sensors]
         self._shown = ShownArrays(self.scenario, self._scene, arena, memories, sensed)
 
     def reset(self, seed: int | None = None) -> None:
-        """Start anew, to the same outcome as a new simulation with this seed, but many times as fast.
+        """Restart with the same outcome as a new simulation with this seed, but many times as fast.
 
-        Parameters are the scenario's again, and nothing is commanded. Controllers that were replaced stay so.
+        Parameters return to those of the scenario, and commands are cleared. Replaced controllers stay replaced.
 
         Args:
-            seed: The trial's seed, 0 or more; the present one if None.
+            seed: The trial's seed, 0 or more; the current one if None.
 
         Raises:
             ScenarioError: The seed is not allowed, or the robots do not fit into the arena.
@@ -202,7 +202,7 @@ class Simulation:
             if section.signal.kind == "camera" and section.camera.frames_per_s is not None:
                 begin_pictures(block, number)
             try:
-                group.run(block, addresses, number)  # which starts all, as the template says
+                group.run(block, addresses, number)  # starts all controllers: the template flags them all
             except BaseException as error:  # whatever a user's controller may raise
                 raise self.located(error) from error
             for name, value in section.memory.items():
@@ -242,12 +242,12 @@ class Simulation:
 
     @property
     def last_step(self) -> Step:
-        """The step that was taken last; before the first one, number -1: where robots are placed, with their phases."""
+        """The last step; before the first one, a step numbered -1 with the robots' initial poses and phases."""
         number = int(self._step.item())
         return self._shown.step(number, number * self._step_ms / 1000)
 
     def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
-        """Return a block as it is before anything is drawn, and what control steps call by its index: for pages."""
+        """Return the block before anything is drawn, and the functions that control steps call, by index: for pages."""
         block = self._block.copy()
         self._clear(block)
         return block, self._loop.functions
@@ -263,7 +263,7 @@ class Simulation:
         return Shown(self.scenario, self.seed)
 
     def at_work(self) -> tuple[int, int, str] | None:
-        """Return robot and step of the user's code that is running, and which, for another thread; None if none is."""
+        """Return robot, step and name of the user's code that is running, for another thread; None if none is."""
         robot, sensor = int(self._swarm.scene["serving"][0]), int(self._swarm.scene["sensing"][0])
         code = f"sensor {self._sensors[sensor - 1].name}" if sensor else "controller"
         return (robot, int(self._step[0]), code) if robot >= 0 else None
@@ -283,7 +283,7 @@ class Simulation:
 
         Args:
             steps: Number of steps to take, at least 1.
-            until_firing: Whether a step in which the reference fires is the last one; see `is_firing`.
+            until_firing: Whether to stop after a step in which the reference fires; see `is_firing`.
 
         Returns:
             The last step; its arrays are overwritten by the next one.
@@ -301,7 +301,7 @@ class Simulation:
                 return self.last_step
 
     def stretch(self, steps: int) -> Stretch:
-        """Take control steps in one arena up to the reference's next firing, and return what measures need of all.
+        """Take control steps in one arena up to the reference's next firing, and return their data for measures.
 
         Args:
             steps: Largest number of steps to take, at least 1; they may be fewer.
@@ -321,7 +321,7 @@ class Simulation:
         return min(self._timed.next - taken, self._most_unseen)
 
     def _run(self, steps: int, *, until_firing: bool = True, history: History | None = None) -> None:
-        """Take control steps; a robot whose controller fails is named."""
+        """Take control steps; the error of a controller that fails names the robot."""
         try:
             outcome = self._loop.take(steps, until_firing=until_firing) if history is None else history.take(steps)
         except BaseException as error:  # whatever a user's controller may raise
@@ -329,7 +329,7 @@ class Simulation:
         self.conclude(outcome)
 
     def conclude(self, outcome: int) -> None:
-        """Take note of what `take_steps` has returned; a robot whose controller commands no numbers is named."""
+        """Record the outcome of `take_steps`; raise ControllerError, with the robot, if a command is not a number."""
         self.is_firing = outcome == FIRED
         if outcome >= 0:
             controller = next(group.controller for group in self._groups if outcome < group.robots.stop)
@@ -359,13 +359,13 @@ class Simulation:
     ) -> None:
         """Command the robots that are driven from outside: those whose controller is `external`, or the like.
 
-        A command follows what was sensed in the last step, in which it takes effect as if a controller had given it:
-        robots move accordingly until the next step, and other robots see the rings in that one. It holds until the next
-        command. What is left out stays as it was.
+        A command takes effect in the last step, as if a controller had given it after sensing in that step: robots move
+        accordingly until the next step, in which other robots see the rings. It holds until the next command. Arguments
+        that are left out change nothing.
 
         Args:
-            left_cm_s: (n,) cm/s: left wheel of each of `external_wheels`, or one number for all; limited to what
-                wheels can do, as a controller's.
+            left_cm_s: (n,) cm/s: left wheel of each of `external_wheels`, or one number for all; limited to the
+                wheels' largest speed, as commands of controllers are.
             right_cm_s: (n,) cm/s: right wheel of each.
             ring_on: (m,) whether the ring of each of `external_rings` is lit, or one value for all.
 
@@ -452,26 +452,26 @@ class Simulation:
         self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{number}", entry.what))
 
     def replace_controller(self, group: int, controller: Controller) -> Replaced:
-        """Have the robots of a group go on with another controller from the next step on.
+        """Switch the robots of a group to another controller from the next step on.
 
-        See `embodied.changes.replacement` for what they remember, and which parameters they keep. The simulation is no
-        longer what its scenario and seed alone decide, and has neither snapshots nor copies.
+        See `embodied.changes.replacement` for the memory and parameters that they keep. From then on, scenario and seed
+        alone no longer determine the simulation: it has neither snapshots nor copies.
 
         Args:
             group: Number of the group in the scenario.
             controller: See `control.loader.load_controller`.
 
         Returns:
-            What robots still remember.
+            The fields of memory that robots keep, and those that begin anew.
 
         Raises:
-            EpuckSimError: It cannot be compiled, raises, or does not fit; then the old one goes on.
+            EpuckSimError: The controller cannot be compiled, raises, or does not fit; then the old one stays in use.
             ValueError: There is no such group.
         """
         return self.replace_controllers([group], controller)[0]
 
     def replace_controllers(self, groups: list[int], controller: Controller) -> list[Replaced]:
-        """Do what `replace_controller` does in several groups, or in none of them where one refuses it."""
+        """Call `replace_controller` for several groups; if it fails for one of them, all keep their controllers."""
         before = dict(vars(self))
         try:
             return [self._replace(group, controller) for group in groups]
@@ -504,19 +504,19 @@ class Simulation:
         self._changes.append(Change(self.steps, method, given, values))
 
     def snapshot(self) -> Snapshot:
-        """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later.
+        """Return a snapshot of the simulation as it is now: `restore` it, or pickle it for later.
 
         Raises:
-            ValueError: A controller was replaced: scenario and seed do not make this simulation.
+            ValueError: A controller was replaced: scenario and seed no longer determine this simulation.
         """
         if self._has_replaced:
             raise ValueError("a controller was replaced, so that scenario and seed make another; there is no snapshot")
         return Snapshot(self.scenario, self.seed, self.steps, tuple(self._changes))
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Have the simulation as it was at a snapshot, equal to the bit from there on, contacts included.
+        """Return to the state of a snapshot; all that follows is equal to the bit, contacts included.
 
-        The steps up to there are simulated again: pymunk has no copy of a space with contacts that is equal to the bit.
+        The steps up to it are simulated again: pymunk cannot copy a space with its contacts to the bit.
 
         Raises:
             ValueError: The snapshot is of another scenario.
@@ -534,7 +534,7 @@ class Simulation:
             self.advance(steps - self.steps)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how a copy is made, by `copy` and `pickle`: from a snapshot."""
+        """Return how `copy` and `pickle` make a copy: from a snapshot."""
         return _from_snapshot, (type(self), self.snapshot(), self._interpret)
 
     def _repr_html_(self) -> str:
