@@ -29,8 +29,8 @@ def make_swarm_block(
 ) -> tuple[ByteArray, Swarm, list[Arena]]:
     """Return the block of a swarm before its first trial, its arrays, and the arenas that it has room for.
 
-    Robots have no places, nothing is drawn. What is returned is kept, for a copy of the block: most simulations are of
-    the same scenario as the one before.
+    Robots have no places yet, and nothing is drawn. The last result is cached, and the block returned is a copy: most
+    simulations are of the same scenario as the one before.
     """
     made_from = scenario, controllers, sensors
     if _last.get("from") != made_from or scenario.arena.floor.picture is not None:  # whose file may have changed
@@ -55,7 +55,7 @@ _last: dict[str, Any] = {}
 
 
 def room_for(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arenas: Sequence[Arena]) -> dict[str, int]:
-    """Return how long those arrays of a block are that `furnish` fills, with room for all arenas, and scratch."""
+    """Return the lengths of scratch arrays and of those that `furnish` fills, with room for all arenas."""
     robots, pixels = sum(group.count for group in groups), max(group.pixels for group in groups)
     least_cm = cell_cm(kinds)
     return {
@@ -74,7 +74,7 @@ def room_for(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arenas: S
 def furnish(
     swarm: Swarm, groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: Arena, timing: TimingSection
 ) -> None:
-    """Write an arena to a swarm, and groups of robots, each of a kind: their bodies, and how flashes reach them."""
+    """Write to a swarm an arena and groups of robots with their kinds: their bodies, and how flashes reach them."""
     set_bodies(swarm, [kind for kind, group in zip(kinds, groups, strict=True) for _ in range(group.count)])
     set_arena(swarm, arena, cell_cm(kinds))
     ray = 0
@@ -142,14 +142,14 @@ def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
 
 
 def set_bodies(swarm: Swarm, kinds: Sequence[RobotKind]) -> None:
-    """Write to a swarm how large and heavy its robots, each of a kind, are, and how they drive."""
+    """Write to a swarm the radius, mass and wheels of its robots, given the kind of each."""
     for name in ("radius_cm", "mass_g", "wheel_limit_cm_s", "wheel_base_cm"):
         swarm.robots[name] = [getattr(kind, name) for kind in kinds]
     swarm.scene[0].largest_cm = swarm.robots.radius_cm.max()
 
 
 def set_arena(swarm: Swarm, arena: Arena, least_cm: float) -> None:
-    """Write walls, obstacles and movables to a swarm, for which there is room; least_cm: least side of a cell."""
+    """Write walls, obstacles and movables to a swarm with room for them; least_cm: least side of a cell."""
     scene = swarm.scene[0]
     scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
     if len(arena.circles):

@@ -1,12 +1,12 @@
 """A swarm of robots as records in one block of memory, which Python and compiled code read alike.
 
-`swarm_at` carves the block into arrays, in a fixed order: `swarm.robots[3].ring_on`, `swarm.scene[0].step`. Nothing in
-the block is an address: its arrays stand at offsets that the scene knows, and what is called, controllers, sensors and
-Chipmunk, has a number in an array of addresses that each process fills for itself. So a copy of the block is a copy of
-the swarm, but for the contacts that Chipmunk remembers, in this process or another.
+`swarm_at` carves the block into arrays, in a fixed order: `swarm.robots[3].ring_on`, `swarm.scene[0].step`. The block
+holds no addresses: the scene has the offsets of its arrays, and the functions to call (controllers, sensors, Chipmunk)
+are numbers in an array of addresses that each process fills for itself. So a copy of the block is a copy of the swarm,
+in this process or another, except for the contacts that Chipmunk remembers.
 
-A record is a reference in compiled code. Only arrays of the block are taken apart into records there: a record of an
-array that is made in compiled code would outlive it.
+In compiled code, a record is a reference. Take records from arrays of the block only: a record would outlive an array
+that was made in compiled code.
 """
 
 from collections import namedtuple
@@ -32,7 +32,7 @@ SENSED = record_type(
         ("distance_mm", "i8", SENSORS),  # distances that belong to them
         ("new_picture", "?"),  # whether the camera's row is one that the controller has not seen
         ("pulses", "i8"),  # number of radio pulses that arrive
-        ("messages", "i8", MAX_MESSAGES),  # what the first of them say
+        ("messages", "i8", MAX_MESSAGES),  # messages of the first of them
     ]
 )
 """Readings of a robot's controller in a control step, beside its row of pixels."""
@@ -42,7 +42,7 @@ ROBOT = record_type(
         ("x", "f8"),  # cm
         ("y", "f8"),  # cm
         ("heading", "f8"),  # rad, counts full turns
-        ("vx", "f8"),  # cm/s: what the body moves with until the next control step
+        ("vx", "f8"),  # cm/s: velocity of the body until the next control step
         ("vy", "f8"),  # cm/s
         ("spin", "f8"),  # rad/s
         ("radius_cm", "f8"),  # of its body
@@ -52,12 +52,12 @@ ROBOT = record_type(
         ("turn_rad", "f8"),  # turn on the spot, as commanded
         ("ring_command", "?"),  # whether the ring is commanded to be lit
         ("ring_on", "?"),  # whether it is lit: the same, unless it has a fault
-        ("ring_before", "?"),  # whether it was lit a control step before, which is what others see
-        ("starts", "?"),  # whether its controller is to start, where `scene.starts` says that controllers do
+        ("ring_before", "?"),  # whether it was lit a control step before, as others see it
+        ("starts", "?"),  # whether its controller starts when `scene.starts` is true
         ("number", "i8"),
         ("present", "?"),  # whether the robot is in the arena; others are parked far outside, at rest, in the dark
-        ("may_touch", "?"),  # whether it may touch something in this control step that takes Chipmunk to settle
-        ("partner", "i8"),  # the only robot that it may touch, itself if that is no robot, or -1: see `bodies.contacts`
+        ("may_touch", "?"),  # whether it may have contacts in this control step that Chipmunk must resolve
+        ("partner", "i8"),  # the only robot that it may touch, its own number for walls only, or -1: `bodies.contacts`
         ("in_space", "?"),  # whether its body is in Chipmunk's space
         ("is_stuck", "?"),  # whether it stays where it is, whatever is commanded
         ("sends", "?"),  # whether its radio pulse is on the air
@@ -80,7 +80,7 @@ ROBOT = record_type(
         ("variation_random", "u8", 4),  # from which its imperfections are drawn
         ("faults", "i8"),  # which kinds of faults it has, a bit each; kept where there are faults
         ("flash_number", "i8"),  # number of flashes that it has begun; counted where there are faults
-        ("starts_anew_at", "f8"),  # share of its period at which a fault has its oscillator start anew now; -1: none
+        ("starts_anew_at", "f8"),  # share of its period at which a fault restarts its oscillator in this step; -1: none
         ("left_over_ms", "f8"),  # fraction of a millisecond that a faulty clock has not counted yet
         ("held_phase", "i8"),  # phase, as bits, and ring's command before its controller runs, for a frozen oscillator
         ("held_ring", "i8"),
@@ -117,14 +117,14 @@ CONE = record_type(
         ("forward_cm", "f8"),  # distance of that camera ahead of the robot's centre
     ]
 )
-"""Where flashes, or radio pulses, reach."""
+"""The sector in which flashes, or radio pulses, reach a group's robots."""
 
 RADIO = record_type(
     [
         ("loss", "f8"),  # probability with which a receiver misses a pulse
         ("collisions", "?"),  # whether several pulses at once destroy each other
         ("half_duplex", "?"),  # whether a robot that sends receives nothing
-        ("slots", "i8"),  # control steps of which pulses are on their way, and one
+        ("slots", "i8"),  # number of control steps that pulses are on their way, plus one
         ("first", "i8"),  # index of its first record in `Swarm.air`
     ]
 )
@@ -160,17 +160,17 @@ GROUP = record_type(
         ("count", "i8"),  # number of its robots
         ("pixels", "i8"),  # length of the row that its controllers read
         ("row", "i8"),  # index in `Swarm.pixels` of the rows that controllers read
-        ("in_view", "i8"),  # of those that show what is in view now: the same, unless pictures are delivered later
-        ("waiting", "i8"),  # of those that wait for delivery
+        ("in_view", "i8"),  # index of the rows that show the present view: `row`, unless pictures are delivered later
+        ("waiting", "i8"),  # index of the rows that wait for delivery
         ("ray", "i8"),  # index in `Swarm.rays` of pixel 0
         ("camera", CAMERA),
         ("cone", CONE),
         ("radio", RADIO),
         ("infrared", INFRARED),
-        ("memory", "i8"),  # offset in the block of what its robots remember: records of their controller's type, and a
-        # further one with what the robot of `scene.serving` remembered before its controller ran
+        ("memory", "i8"),  # offset in the block of its robots' memories: records of their controller's type, and one
+        # more, the memory of the robot `scene.serving` before its controller ran
         ("memory_bytes", "i8"),  # size of such a record
-        ("controller", "i8"),  # index in the addresses of what runs its controllers, see `controllers.GroupControllers`
+        ("controller", "i8"),  # index of its entries in the addresses, see `GroupControllers.addresses`
         ("parameters", "i8"),  # offset in the block of the record of its controller's parameters, right before `memory`
         ("phase", "i8"),  # offset in a memory of the phase in ms; -1 for robots that are no oscillators
         ("phase_is_float", "?"),  # else it is a whole number
@@ -194,9 +194,9 @@ SENSE = record_type(
         ("first", "i8"),  # number of the first robot that has it
         ("count", "i8"),  # number of these robots
         ("parameters", "i8"),  # offset in `Swarm.sensed` of the record of its parameters
-        ("readings", "i8"),  # of the records of what robots read
-        ("random", "i8"),  # of the robots' streams, four words each
-        ("kept", "i8"),  # of readings as they were sensed, which faults set back to 0; the streams end there
+        ("readings", "i8"),  # offset there of the records of the robots' readings
+        ("random", "i8"),  # offset of the robots' streams, four words each
+        ("kept", "i8"),  # offset of a copy of the readings before faults set them to 0; the streams end there
         ("floats", "i8"),  # number of words at the beginning of a reading that are floats; others are whole numbers
     ]
 )
@@ -229,13 +229,13 @@ AFFECTED = record_type(
         ("change_ms", "f8"),  # when the fault begins or ends next
     ]
 )
-"""A robot and a fault; that of robot r and fault f has index f * robots + r."""
+"""State of a fault in a robot; that of robot r and fault f has index f * robots + r."""
 
 CHANGE = record_type([("time_ms", "f8"), ("fault", "i8"), ("robot", "i8"), ("begins", "?")])
 """A fault of a robot that has begun or ended."""
 
 CALL = record_type([("function", "i8"), ("argument", "i8")])
-"""A call: number of a function (block, addresses, argument) in the addresses, and its argument."""
+"""A call: index in the addresses of a function (block, addresses, argument), and its argument."""
 
 SPACE, GROUND, HIDE = range(3)
 """Indices in the addresses: Chipmunk's space, the body of the floor, and the function (block, addresses, robot) that
@@ -253,7 +253,7 @@ SCENE = record_type(
         ("physics_s", "f8"),  # seconds of a physics step
         ("width_cm", "f8"),
         ("height_cm", "f8"),
-        ("circles", "i8"),  # numbers of circles and edges that are there now, of those for which there is room
+        ("circles", "i8"),  # numbers of circles and edges in use; the arrays may have room for more
         ("edges", "i8"),
         ("first_movable", "i8"),  # index of the first circle that is a movable
         ("columns", "i8"),  # of the cell list
@@ -281,7 +281,7 @@ SCENE = record_type(
         ("spread", "f8", 4),  # half-widths of the factors of both wheels, each wheel, clocks, and infrared readings
         ("serving", "i8"),  # robot whose controller, or sensor in a file of its own, is running; -1 if none is
         ("sensing", "i8"),  # number from 1 in `Swarm.senses` of the sensor that is running; 0 if none is
-        ("kept_random", "u8", 4),  # its stream and its actuators before that
+        ("kept_random", "u8", 4),  # stream and actuators of the robot `serving` before its code ran
         ("kept_actuators", ACTUATORS),
         ("starts", "?"),  # whether controllers start on the robots with `starts`, instead of running a step
         ("changes", "i8"),  # number of records in `Swarm.log`
@@ -289,13 +289,13 @@ SCENE = record_type(
         ("reference_phase", "i8"),  # offset in the block of its phase, and whether that is a float
         ("reference_is_float", "?"),
         ("lit_phase", "f8"),  # its phase in the last control step, if its ring was commanded to be lit; else NaN
-        ("late", "i8"),  # index in `Swarm.calls` of the first call that follows when commands have been carried out
+        ("late", "i8"),  # index in `Swarm.calls` of the first call after commands are carried out
         ("calls", "i8"),  # number of calls
         ("bodies", "i8"),  # index in the addresses of the first robot's body; its shape follows, then the next robot's
         ("surfaces", "i8"),  # of the shapes of walls and obstacles
         ("surface_count", "i8"),
         ("movables", "i8"),  # of the bodies of movables
-        ("drives", "i8"),  # of the bodies whose velocities the wheels of robots give them; -1 without movables
+        ("drives", "i8"),  # of the bodies that move with the robots' wheels; -1 without movables
     ]
 )
 """State and constants that all robots share."""
@@ -306,7 +306,7 @@ DTYPES: Mapping[str, np.dtype[Any]] = {
     "scene": SCENE,  # (1,)
     "robots": ROBOT,
     "groups": GROUP,
-    "calls": CALL,  # all groups sense, all controllers run; from `scene.late` on, what follows on commands
+    "calls": CALL,  # calls that sense and run controllers; from `scene.late` on, those after commands
     "cells": INT64,  # (cells + 1,) index in `members` at which each cell, row by row, begins
     "members": MEMBER,  # the robots, cell by cell, within a cell by their numbers
     "circles": CIRCLE,  # round obstacles, and movables behind them
@@ -316,12 +316,12 @@ DTYPES: Mapping[str, np.dtype[Any]] = {
     "affected": AFFECTED,  # (faults * robots,)
     "senses": SENSE,  # sensors in files of their own, group by group
     "sensed": BYTE,  # their parameters, readings and streams
-    "bytes": BYTE,  # what robots remember, and the parameters of their controllers
+    "bytes": BYTE,  # memories of the robots, and parameters of their controllers
     "pixels": INT64,  # rows of cameras, group by group, see `GROUP`; 1 where a lit ring is seen
     "air": PULSES,  # of each group with radios, (slots, robots)
-    "log": CHANGE,  # what faults did since Python looked
-    # scratch: 3 for each robot, and 2 for each pixel of the longest row. Sensors of flashes have the numbers of lit
-    # robots, and then a label of each robot: what a pixel that shows it becomes, 0 for rings dark, or hidden by faults
+    "log": CHANGE,  # changes of faults since Python last read it
+    # scratch: 3 for each robot, and 2 for each pixel of the longest row. Sensors of flashes list the numbers of lit
+    # robots, then a label of each robot: the value of a pixel that shows it, 0 if its ring is dark or hidden by faults
     "numbers": INT64,
     "depths": FLOAT64,  # scratch: 3 for each pixel of the longest row
     "patches": np.dtype((np.record, arena.PATCH)),  # patches of the floor; later ones lie on top of earlier ones
@@ -329,18 +329,18 @@ DTYPES: Mapping[str, np.dtype[Any]] = {
     "lamps": LAMP,
     "picture": BYTE,  # (rows * columns,) levels of the floor's picture, row by row from the wall of largest y on
 }
-"""The arrays of a block in their order, and the types of their records, which Python and compiled code name alike."""
+"""Types of the arrays of a block, in order; Python and compiled code use the same names."""
 
 assert len(DTYPES) == ARRAYS
 
-_named_tuple: Any = namedtuple  # its own type asks for names that are literals
+_named_tuple: Any = namedtuple  # its own type demands literal names
 Swarm: Any = _named_tuple("Swarm", DTYPES)
-"""The arrays of a block by their names in `DTYPES`; `native.carve` makes them of one in compiled code."""
+"""The arrays of a block by their names in `DTYPES`; compiled code gets them by `native.carve`."""
 Swarm.places = [(dtype, 8 * number) for number, dtype in enumerate(DTYPES.values())]  # of `scene.at`
 
 SENSED_BYTES, BYTES, PIXELS, PATCHES = map(list(DTYPES).index, ("sensed", "bytes", "pixels", "patches"))
-"""Numbers of four arrays of a block: from the third to before the fourth, all are zeros before the first step of a
-trial; from the fourth on, nothing changes while trials run."""
+"""Indices of four arrays in a block. From `PIXELS` to before `PATCHES`, all is 0 before the first step of a trial; from
+`PATCHES` on, nothing changes while trials run."""
 
 
 @jit_inline
@@ -352,13 +352,13 @@ def swarm_at(block: ByteArray) -> Swarm:
 
 @jit_inline
 def copy_array(source: Any, target: Any) -> None:
-    """Copy an array; a loop, as numba compiles the assignment of an array for four seconds."""
+    """Copy an array, in a loop: numba takes four seconds to compile an array assignment."""
     for place in range(len(target)):
         target[place] = source[place]
 
 
 def make_block(lengths: Mapping[str, int]) -> ByteArray:
-    """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, or 0 if it is left out."""
+    """Return a block of zeros, with these lengths of the arrays of a `Swarm`, except the scene; 0 if left out."""
     sizes = [dtype.itemsize * lengths.get(name, name == "scene") for name, dtype in DTYPES.items()]
     offsets = np.cumsum([0, *(-(-size // 8) * 8 for size in sizes[:-1]), sizes[-1]])  # each array begins at a word
     block = np.zeros(int(offsets[-1]), np.uint8)
