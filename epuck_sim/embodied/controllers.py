@@ -45,7 +45,7 @@ if TYPE_CHECKING:  # `bind` provides them
 
 
 def run_group(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
-    """Run a control step of each robot of a group that is in the arena, or start those that are to start."""
+    """Run a control step of each robot of a group in the arena; if `scene.starts`, start those that are flagged."""
     swarm = swarm_at(block)
     scene, group = swarm.scene[0], swarm.groups[number]
     kept = group.count
@@ -101,7 +101,7 @@ def bytes_needed(controller: Controller, robots: int) -> int:
 
 
 def assign_bytes(swarm: Swarm, number: int, controller: Controller, first: int) -> None:
-    """Write to a group's record where its controllers' `bytes_needed` are, which begin at `first` in `Swarm.bytes`."""
+    """Write to a group's record the offsets of its controllers' bytes, which begin at `first` in `Swarm.bytes`."""
     parameters, memory = controller.parameter_type, controller.memory
     group = swarm.groups[number]
     group.parameters = swarm.scene[0].at[BYTES] + first
@@ -130,7 +130,7 @@ class GroupControllers(UserCode):
         *,
         interpret: bool = False,
     ) -> None:
-        """Prepare a group's controllers, without starting them: the block, in which it has bytes, stays as it is."""
+        """Prepare a group's controllers without starting them; the block, which has room for them, stays as it is."""
         self._group = swarm.groups[number]
         super().__init__(controller, block, swarm, number, self._group)
         check_sensed(controller, names_of_readings(sensors))
@@ -148,16 +148,16 @@ class GroupControllers(UserCode):
             self._make_run(run_group, names | types, contents, interpret=interpret)
 
     def addresses(self, first: int) -> list[int]:
-        """Have the group's record say that its entries in the addresses begin at index `first`, and return them.
+        """Write to the group's record that its entries in the addresses begin at index `first`; return these entries.
 
-        They are of what runs its controllers, and of firmware's `e_start_all`, `e_step_all` and first robot's record.
+        They are the address of `run`; for firmware also of `e_start_all`, `e_step_all` and the first robot's record.
         """
         self._group.controller = first
         return [self.address, *self._of_firmware]
 
     @property
     def memory(self) -> Records:
-        """(robots,) what each robot remembers, in place."""
+        """(robots,) memory of each robot, in place."""
         group = self._group
         return self._block[group.memory :][: group.count * group.memory_bytes].view(self.controller.memory)
 
@@ -168,11 +168,11 @@ class GroupControllers(UserCode):
 
     @property
     def period_ms(self) -> float:
-        """Period of the oscillators; NaN if the robots are none."""
+        """Period of the oscillators in ms; NaN if the robots are not oscillators."""
         return float(self.parameters["period_s"][0]) * 1000 if self.controller.is_oscillator else math.nan
 
     def start(self, members: Sequence[int] | None = None) -> None:
-        """Start controllers of all robots, or of some by their numbers in the group, who forget all before."""
+        """Start controllers of all robots, or of `members` (numbers in the group); clear their memory and actuators."""
         chosen = np.arange(self._group.count) if members is None else np.asarray(members, np.intp)
         robots = self._swarm.robots[self.robots]
         robots.starts = False
@@ -210,7 +210,7 @@ class GroupControllers(UserCode):
 
 
 def _views(swarm: Swarm) -> Swarm:
-    """Return a swarm whose robots have views of their fields as attributes: a record's own take microseconds."""
+    """Return a swarm whose robots have views of their fields as attributes: reading a record's takes microseconds."""
     robots, sensors = swarm.robots, swarm.robots.sensors
     fields = ("starts", "present", "random", "wheel_limit_cm_s", "wheel_base_cm")
     views = [
@@ -225,7 +225,7 @@ def _views(swarm: Swarm) -> Swarm:
 
 
 def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:
-    """Return (robots + 1,) the record of each robot for its firmware; what firmware says that it serves goes behind."""
+    """Return (robots + 1,) the record of each robot for its firmware, and one to which firmware writes `serving`."""
     group = swarm.groups[number]
     members = swarm.robots[group.first :][: group.count]
     records = np.zeros(group.count + 1, E_GROUP)

@@ -1,7 +1,7 @@
-"""Users' code that runs on robots, as plain Python or compiled, and what is said of its errors; sensors in files.
+"""Users' code that runs on robots, as plain Python or compiled, and messages about its errors; sensors in files.
 
-Compiled code does not know the line at which it has raised. What has failed runs again as plain Python, which does.
-Controllers have a file of their own, `controllers`.
+Compiled code does not know the line at which it raised, so code that fails runs again as plain Python, which does.
+Controllers have a module of their own, `controllers`.
 """
 
 import sys
@@ -33,7 +33,7 @@ from epuck_sim.util.native import array_at, function_address, record_type
 from epuck_sim.util.seeds import robot_streams
 
 AGAIN_S = 1.0
-"""Time for which what has failed runs again, to find the line; compiled, it may have run through a long loop."""
+"""Time limit, s, of the second run that finds the line of an error; compiled code may have run through a long loop."""
 
 
 class RobotError(ControllerError):
@@ -51,23 +51,23 @@ class RobotError(ControllerError):
 
 
 class UserCode(ABC):
-    """A user's code on robots of a block, which must stay where it is: the controllers of a group, or a sensor."""
+    """A user's code on robots of a block, which must not move in memory: the controllers of a group, or a sensor."""
 
     robots: slice  # numbers of the robots
     run: Callable[[ByteArray, IntArray, int], None]
-    """Runs it on each of them; takes the block, the addresses and its number. Compiled, unless it is interpreted."""
+    """Runs the code on each robot; takes the block, the addresses and the code's number. Compiled or interpreted."""
     address: int  # address of `run` in this process; 0 if it is interpreted
     _is_compiled = False
 
     def __init__(self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any) -> None:
-        """Find the robots of a user's code by its GROUP or SENSE, of this number, in a block."""
+        """Find the robots of a user's code by `record`, its GROUP or SENSE of this number in the block."""
         check_imported_copies(user)
         self._user, self._block, self._swarm, self._number = user, block, swarm, number
         self._scene = swarm.scene[0]
         self.robots = slice(int(record.first), int(record.first + record.count))
 
     def _make_run(self, function: Any, names: Mapping[str, Any], contents: str = "", *, interpret: bool) -> None:
-        """Make `run` of a function, see `compile_for`; now, as it belongs to no trial's time."""
+        """Set `run` to the function, compiled (`compile_for`) or interpreted; now, so that no trial's time has it."""
         self._function, self._names, self._is_compiled = function, names, not interpret
         if interpret:
             self.run, self.address = self._interpreted(self._swarm), 0
@@ -88,14 +88,14 @@ class UserCode(ABC):
 
     @abstractmethod
     def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:
-        """Set back what it has changed of the robot that it works on."""
+        """Undo the changes made to the robot on which the code was running."""
 
     def _without_line(self, error: BaseException, robot: int) -> tuple[str, BaseException]:  # noqa: ARG002
-        """Return the place of an error that is not met again, and the error."""
+        """Return the place of an error that did not recur, and the error."""
         return str(self._user.path), error
 
     def fault(self, error: BaseException) -> RobotError | None:
-        """Return the fault of an error that this code has raised on a robot; None if it did not."""
+        """Return the RobotError for an error that this code raised on a robot; None for any other error."""
         if not self._is_at_work() or isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C
             return None
         robot = int(self._scene.serving)
@@ -106,7 +106,7 @@ class UserCode(ABC):
         return RobotError(self._user, robot, error, place)
 
     def _line_again(self, error: BaseException, robot: int) -> str | None:
-        """Return FILE:LINE of an error by running what failed again in plain Python; None if it does not fail so."""
+        """Return FILE:LINE of an error by running the code again in plain Python; None if the error does not recur."""
         expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)  # numpy's of 1 / 0 is its own
         block = self._block.copy()
         swarm = open_block(block)
@@ -159,7 +159,7 @@ if TYPE_CHECKING:  # `bind` provides them
 
 
 def run_sensor(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
-    """Have the robots of a group that are in the arena read a sensor; others read 0."""
+    """Read a sensor on each robot of a group that is in the arena; others read 0."""
     swarm = swarm_at(block)
     scene, own = swarm.scene[0], swarm.senses[number]
     at = scene.at[SENSED_BYTES]
@@ -202,7 +202,7 @@ def sensed_bytes_needed(sensor: Sensor, robots: int) -> int:
 
 
 def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int) -> None:
-    """Set the SENSE of a sensor whose robots are `count` from number `first` on, and whose bytes begin at `byte`."""
+    """Set the SENSE of a sensor of `count` robots, from number `first` on, whose bytes begin at `byte`."""
     record.first, record.count, record.parameters = first, count, byte
     record.readings = byte + sensor.parameter_type.itemsize
     record.random = record.readings + count * sensor.readings.itemsize
@@ -212,7 +212,7 @@ def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int)
 
 
 def readings_of(swarm: Swarm, record: Any, sensor: Sensor) -> npt.NDArray[np.void]:
-    """Return (robots,) what each robot reads of a sensor, by its SENSE record, in place."""
+    """Return (robots,) each robot's readings of a sensor, by its SENSE record, in place."""
     readings: npt.NDArray[np.void] = swarm.sensed[record.readings : record.random].view(sensor.readings)
     return readings
 
@@ -239,7 +239,7 @@ class OwnSensor(UserCode):
 
     @property
     def readings(self) -> npt.NDArray[np.void]:
-        """(robots,) what each robot reads, in place."""
+        """(robots,) each robot's readings, in place."""
         return readings_of(self._swarm, self._own, self.sensor)
 
     @property
@@ -250,12 +250,12 @@ class OwnSensor(UserCode):
 
     @property
     def keys(self) -> tuple[int, int]:
-        """Keys by which the sequence of its random numbers is a child of the trial's."""
+        """Spawn key of its seed sequence, a child of the trial's."""
         return SENSORS, crc32(self.name.encode())
 
     @property
     def streams_at(self) -> tuple[int, int]:
-        """Where its robots' streams begin and end in the block, in bytes."""
+        """Offsets in the block, in bytes, at which its robots' streams begin and end."""
         first = int(self._scene.at[SENSED_BYTES])
         return first + int(self._own.random), first + int(self._own.kept)
 
@@ -281,7 +281,7 @@ class OwnSensor(UserCode):
         return f"{self.sensor.path}:{line_of_definition('sense', self.sensor.sources[self.sensor.path])}", error
 
 
-# --- what controllers read of them: further fields of `Sensors`, by the names of the readings --------------
+# --- readings for controllers: further fields of `Sensors`, by the names of the readings -------------------
 
 
 def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
@@ -291,7 +291,7 @@ def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
 
 @lru_cache
 def completion(sensors: tuple[Sensor, ...]) -> Any:
-    """Return a kernel that adds to `Sensors` readings of a group's own sensors, from `first` on in `Swarm.senses`."""
+    """Return a kernel that adds to `Sensors` the readings of a group's own sensors, `Swarm.senses` from `first` on."""
     if not sensors:
         return _as_they_are
     known: dict[str, Any] = {
