@@ -1,4 +1,4 @@
-"""Robots as seen from outside: which see whose rings, and what they touch, in any step or the present one.
+"""Robots as seen from outside: who sees whose ring, and what robots touch, in any step or the present one.
 
 Observers put poses into a scene, a block of their own; the simulation's is left alone. Robots themselves see red
 pixels, and cannot tell which robot a pixel shows; they do not feel contacts, which pymunk resolves several times in a
@@ -27,7 +27,7 @@ from epuck_sim.util.jit import jit, jit_inline
 
 
 class Scene(NamedTuple):
-    """An arena with groups of robots, and what they see rings with."""
+    """An arena with groups of robots, and with their sensors of flashes."""
 
     groups: Sequence[RobotGroup]
     block: ByteArray  # the swarm; observers write poses, cells and scratch numbers
@@ -35,7 +35,7 @@ class Scene(NamedTuple):
 
 
 def make_scene(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: Arena) -> Scene:
-    """Return a scene in a block of its own, with robots, of each group's kind, which have no places yet."""
+    """Return a scene in a block of its own; its robots, of each group's kind, have no places yet."""
     block = make_block(room_for(groups, kinds, [arena]))
     swarm = open_block(block)
     furnish(swarm, groups, kinds, arena, TimingSection())
@@ -53,7 +53,7 @@ def place_robots(block: ByteArray, poses: FloatArray) -> None:
 
 
 def _with_room(write: Callable[[IntArray, FloatArray], int], room: int) -> tuple[IntArray, FloatArray]:
-    """Return the (n, 3) rows and (n, 2) points that a function writes, as far as there is room, and then counts."""
+    """Return the (n, 3) rows and (n, 2) points that a function writes, called twice if they do not fit at first."""
     found, points = np.empty((room, 3), np.int64), np.empty((room, 2))
     count = write(found, points)
     return (found[:count], points[:count]) if count <= room else _with_room(write, count)
@@ -65,12 +65,12 @@ def _with_room(write: Callable[[IntArray, FloatArray], int], room: int) -> tuple
 def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: BoolArray | None = None) -> IntArray:
     """Find the robots that the robots of a group see in some steps.
 
-    A camera sees a robot if a pixel of the central window shows it; one that shows on both sides of an obstacle counts
-    once. The ideal sensor, and Enki's camera, see those whose rings they would perceive. Who hears pulses sees nobody.
+    A camera sees a robot if a pixel of the central window shows it; a robot that shows on both sides of an obstacle
+    counts once. The ideal sensor and Enki's camera see robots whose rings they would perceive; radios see nobody.
 
-    Poses are (steps, robots, 3) cm, cm, rad; `listed`, (steps, robots), has those who are to be listed, all by default.
-    Return (sightings, 3) step, observer, robot seen: in the order of steps and observers, and from left to right; the
-    ideal sensor's in that of the robots' numbers.
+    Poses are (steps, robots, 3) cm, cm, rad; `listed`, (steps, robots), flags the robots that can be seen, by default
+    all. Return (sightings, 3) step, observer, robot seen: ordered by step, by observer, and from left to right, or, for
+    the ideal sensor and Enki's camera, by the number of the robot seen.
     """
     kind = scene.groups[group].signal.kind
     if kind == "radio":
@@ -84,7 +84,7 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
 def find_all_sightings(
     scene: Scene, poses: FloatArray, present: BoolArray, listed: BoolArray | None = None
 ) -> IntArray:
-    """Find those of all groups that are present, (robots,), step by step, as `find_sightings` does for one group."""
+    """Find sightings by the robots of all groups that are present, (robots,), step by step; see `find_sightings`."""
     groups = range(len(scene.groups))
     found: IntArray = np.concatenate([find_sightings(scene, poses, group, listed=listed) for group in groups])
     if len(groups) > 1:
@@ -96,11 +96,11 @@ def find_all_sightings(
 def write_sightings(
     block: ByteArray, number: int, by_cone: bool, poses: FloatArray, listed: BoolArray, found: IntArray
 ) -> int:
-    """Write what `find_sightings` returns, as far as there is room; return the number of sightings."""
+    """Write the sightings that `find_sightings` returns, as far as there is room; return the number of all."""
     swarm = swarm_at(block)
     group, robots = swarm.groups[number], len(swarm.robots)
     row = np.zeros(group.pixels, np.int64)
-    last_row = np.zeros(robots + 1, np.int64)  # counted over all steps, in which each robot was listed
+    last_row = np.zeros(robots + 1, np.int64)  # number, over all steps, of the last row that showed each robot
     sightings = rows = 0
     for step in range(len(poses)):
         for robot in range(robots):
@@ -140,8 +140,8 @@ def _add(step: int, robot: int, other: int, found: IntArray, count: int) -> int:
 def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray]:
     """Find the contacts in some steps, at (steps, robots, 3) poses, cm, cm, rad.
 
-    Return (contacts, 3) step, robot, and the robot that it touches, or -1: a wall, obstacle or movable; in the order of
-    the steps. And (contacts, 2) cm: points of contact, of two robots between their surfaces, else nearest to it.
+    Return (contacts, 3) step, robot, and the robot that it touches, or -1 for a wall, obstacle or movable, in the order
+    of steps; and (contacts, 2) cm, points of contact: between the two robots' surfaces, or nearest on the other body.
     """
     room = len(poses) * poses.shape[1]
     return _with_room(lambda found, points: write_contacts(scene.block, poses, found, points), room)
@@ -149,7 +149,7 @@ def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray
 
 @jit
 def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points: FloatArray) -> int:
-    """Write what `find_contacts` returns, as far as there is room; return the number of contacts."""
+    """Write the contacts that `find_contacts` returns, as far as there is room; return the number of all."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     count = 0

@@ -53,7 +53,7 @@ class Step(NamedTuple):
     present: BoolArray
     """(robots,): whether each robot is in the arena; poses and phases of others are NaN, and they sense nothing."""
     arena: Arena
-    """Walls and obstacles at this instant, and the movables: another one after the schedule has changed it."""
+    """Walls, obstacles and movables at this instant; another object after the schedule has changed the arena."""
     memories: tuple[npt.NDArray[Any], ...]
     """One record array for each group: the memory of each of its robots."""
     sensed: tuple[tuple[slice, npt.NDArray[Any]], ...]
@@ -61,7 +61,7 @@ class Step(NamedTuple):
     scene: Scene
     """The present step's scene, in which `sightings` and `contacts` are found."""
     found: dict[str, IntArray]
-    """Those that were found."""
+    """Results of `sightings` and `contacts` by name, once they are computed."""
 
     @property
     def phase_ms(self) -> FloatArray:
@@ -71,7 +71,7 @@ class Step(NamedTuple):
 
     @property
     def readings(self) -> dict[str, FloatArray]:
-        """(robots, ...) what robots read of sensors in files of their own, by name; NaN for those that lack it."""
+        """(robots, ...) readings of sensors in files of their own, by name; NaN for robots that lack the sensor."""
         found: dict[str, FloatArray] = {}
         for robots, records in self.sensed:
             for name in records.dtype.names or ():
@@ -82,13 +82,13 @@ class Step(NamedTuple):
 
     @property
     def flash_seen(self) -> BoolArray:
-        """(robots,): whether a robot sees a flash, as its controller decides, or else if any pixel is red."""
+        """(robots,): whether a robot sees a flash: as its controller decides, or else whether any pixel is red."""
         decided = memory_values(self.memories, "flash_seen")
         return np.where(np.isnan(decided), self.camera.any(axis=1), decided > 0)
 
     @property
     def sightings(self) -> IntArray:
-        """(sightings, 2) robot that looks, and robot whose lit ring is in its view; found when it is asked for.
+        """(sightings, 2) robot that looks, and robot whose lit ring is in its view; computed on demand.
 
         A ring is seen as it was commanded in the step before. A camera with fewer pictures than steps shows it later.
         """
@@ -103,8 +103,8 @@ class Step(NamedTuple):
     def contacts(self) -> IntArray:
         """(contacts, 2) robot, and the robot that it touches, or -1: a wall, obstacle or movable.
 
-        They are found when they are asked for. Surfaces at most 1.6 mm apart touch. Two robots have one contact,
-        that of the one with the lower number.
+        They are computed on demand. Surfaces at most 1.6 mm apart touch. Two robots have one contact, listed for the
+        robot with the lower number.
         """
         if "contacts" not in self.found:
             poses = poses_of(self.scene.swarm.robots)[None].copy()
@@ -138,7 +138,7 @@ class Step(NamedTuple):
 
 
 class ShownArrays:
-    """The arrays that the steps of a simulation show: those of its block, as views that refuse to be written to."""
+    """The arrays that the steps of a simulation show: read-only views of its block."""
 
     def __init__(
         self,
@@ -148,7 +148,7 @@ class ShownArrays:
         memories: Sequence[npt.NDArray[Any]],
         sensed: Sequence[tuple[slice, npt.NDArray[Any]]],
     ) -> None:
-        """Find the arrays of a swarm in an arena; memories, sensed: see `Step`."""
+        """Make the views for a swarm in an arena; memories, sensed: see `Step`."""
         self._scene, swarm, robots = scene, scene.swarm, scene.swarm.robots
         self._poses = poses_of(robots)
         poses = self._copied_poses = self._poses.copy() if scenario.members_change else None
@@ -176,7 +176,7 @@ class ShownArrays:
 
 
 def _rows_of_cameras(swarm: Swarm, scenario: EmbodiedScenario) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
-    """Return (robots, pixels) the rows that steps show, and which of them are padded copies of which."""
+    """Return (robots, pixels) the rows that steps show, and for those that are padded copies, copy and source."""
     robots, widest = len(swarm.robots), scenario.camera_pixels
     if all(group.pixels == widest for group in scenario.robots):
         return swarm.pixels[: robots * widest].reshape(robots, widest), []
@@ -207,11 +207,11 @@ def memory_values(memories: Sequence[npt.NDArray[Any]], field: str) -> FloatArra
 
 
 READING = "sensors."
-"""Begins names of readings of sensors in files of their own: `sensors.ground`, or `sensors.ground.2` of an array."""
+"""Prefix of readings of sensors in files of their own: `sensors.ground`, or `sensors.ground.2` of an array."""
 
 
 def reading_fields(scenario: EmbodiedScenario) -> list[str]:
-    """Return the names of all single numbers that robots read of sensors in files of their own."""
+    """Return the names of all readings of sensors in files of their own, one for each number."""
     fields: dict[str, None] = {}
     for section in (each for group in scenario.robots for each in group.sensors.values()):
         readings = find_sensor(section["file"]).readings
@@ -223,7 +223,7 @@ def reading_fields(scenario: EmbodiedScenario) -> list[str]:
 
 
 def field_values(step: Step, field: str) -> FloatArray:
-    """Return (robots,) the values of a field of all robots' memories, or of a reading; NaN for those that lack it."""
+    """Return (robots,) the values of a field of the robots' memories, or of a reading; NaN for robots that lack it."""
     if not field.startswith(READING):
         return memory_values(step.memories, field)
     name, _, place = field.removeprefix(READING).partition(".")
@@ -231,7 +231,7 @@ def field_values(step: Step, field: str) -> FloatArray:
 
 
 def check_field(scenario: EmbodiedScenario, field: str, robot: int | None = None) -> None:
-    """Raise ValueError unless controllers, or that of a robot, remember a field that is one number."""
+    """Raise ValueError unless a controller, or that of `robot`, has this field in its memory, and it is one number."""
     if scenario.sweep is not None and any(key.endswith(".controller") for key in scenario.sweep.keys):
         return  # nothing is known yet
     fields: dict[str, tuple[int, ...]] = {}
@@ -246,7 +246,7 @@ def check_field(scenario: EmbodiedScenario, field: str, robot: int | None = None
 
 
 def check_fields(scenario: EmbodiedScenario, fields: Sequence[str]) -> None:
-    """Raise ScenarioError unless controllers of a scenario remember these fields; see `check_field`."""
+    """Raise ScenarioError unless controllers of a scenario have these fields of memory; see `check_field`."""
     with refused_at(f"{scenario.name}: memory"):
         for field in fields:
             check_field(scenario, field)
