@@ -53,7 +53,7 @@ def cells_around(x: float, y: float, scene: Any) -> NearCells:
 
 @jit_inline
 def members_in_row(near: NearCells, row: int, swarm: Swarm) -> tuple[int, int]:
-    """Return where the robots in a row of cells begin in `Swarm.members`, and where they end."""
+    """Return first and end in `Swarm.members` of the robots in the near cells of a row."""
     first_cell = row * swarm.scene[0].columns
     return swarm.cells[first_cell + near.first_column], swarm.cells[first_cell + near.last_column + 1]
 
@@ -97,7 +97,7 @@ def rows_along(ay: float, by: float, reach: float, scene: Any) -> tuple[int, int
 
 @jit_inline
 def members_along(ax: float, ay: float, bx: float, by: float, reach: float, row: int, swarm: Swarm) -> tuple[int, int]:
-    """Return where a row's robots within reach, cm, of a line begin in `Swarm.members`, and end."""
+    """Return first and end in `Swarm.members` of the robots in a row's cells that are within reach, cm, of a line."""
     scene = swarm.scene[0]
     height = scene.cell_height_cm
     low = -math.inf if row == 0 else row * height - reach

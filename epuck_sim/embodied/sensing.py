@@ -1,7 +1,7 @@
 """Functions for sensors in users' files: the floor, lamps, robots and walls at a place.
 
-Each function takes `world` first, as `sense` is given it, and runs in compiled and in interpreted sensors alike. Where
-there is no function, `world` has the records themselves (see `control.interface.World`).
+Each function takes first the `world` that `sense` receives, and runs in compiled and in interpreted sensors alike. For
+all else, `world` has the records themselves (see `control.interface.World`).
 """
 
 import math
@@ -20,7 +20,7 @@ NOBODY = -1  # stands for no robot
 def brightness_at(world: World, x: float, y: float) -> float:
     """Return the brightness of the floor at a point, from 0, black, to 1, white; beyond the walls that at the walls.
 
-    Patches on top of others count, and their edges belong to them; else the picture, or the floor itself.
+    The topmost patch counts, its edge included; where there is none, the picture, or else the floor's brightness.
     """
     swarm = world.swarm
     for number in range(len(swarm.patches) - 1, -1, -1):
@@ -65,8 +65,8 @@ def clearance_cm(world: World, x: float, y: float) -> float:
 
 @jit_no_alloc
 def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = NOBODY) -> int:
-    """Return the number of the robot, `but` for one, that is nearest to a point by its centre; `NOBODY` if none is."""
-    swarm, reach_cm = world.swarm, min(range_cm, world.width_cm + world.height_cm)  # cells have no infinite numbers
+    """Return the number of the robot, except `but`, whose centre is nearest to a point; `NOBODY` if out of range."""
+    swarm, reach_cm = world.swarm, min(range_cm, world.width_cm + world.height_cm)  # must be finite to find cells
     inside_x, inside_y = min(max(x, 0.0), world.width_cm), min(max(y, 0.0), world.height_cm)
     nearest, least = NOBODY, range_cm * range_cm
     first_row, last_row = rows_along(inside_y, inside_y, reach_cm, swarm.scene[0])
@@ -84,10 +84,10 @@ def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = 
 
 @jit_no_alloc
 def distance_cm(world: World, x: float, y: float, direction: float, range_cm: float, but: int = NOBODY) -> float:
-    """Return the distance, cm, along a ray to the first wall, obstacle, movable or robot; infinity if none is near.
+    """Return the distance, cm, along a ray to the first wall, obstacle, movable or robot; infinity if out of range.
 
-    Its direction is in rad, counter-clockwise from x. It passes the robot numbered `but`, such as the one that senses;
-    if it begins beyond a wall, it meets it at once.
+    The direction is in rad, counter-clockwise from x. The ray passes through the robot numbered `but`, such as the one
+    that senses. A ray that begins beyond a wall meets it at once.
     """
     dy, dx = sin_cos(direction)
     nearest = math.inf

@@ -1,9 +1,9 @@
-"""The start of a trial: all that is random in it comes from its seed, each part from numbers of its own.
+"""The start of a trial: all randomness in it comes from its seed, and each part has random numbers of its own.
 
-Robots are placed at given poses, on the grid of the physical experiments, or at random. Places that are taken are
-listed by the cells of the swarm's cell list, which are larger than a robot: who touches a robot at some place is in its
-cell, or in one of the eight around it. `Swarm.cells` holds the first robot of each cell, counted from 1, and the
-scratch numbers the next one behind each robot.
+Robots are placed at given poses, on the grid of the physical experiments, or at random. Placed robots are listed by the
+cells of the swarm's cell list. A cell is larger than a robot, so robots that touch a given one are in its cell or in
+one of the eight around it. `Swarm.cells` holds the first robot of each cell, counted from 1, and the scratch numbers
+the next one after each robot.
 """
 
 import math
@@ -39,13 +39,13 @@ PLACEMENT, INFRARED_NOISE, WHEEL_NOISE, CONTROLLERS, VARIATION, SIGNALS, FAULTS,
 
 
 def draw_start(block: ByteArray, seed: int) -> None:
-    """Set the generators and streams of a swarm, as new, to where they are at the start of the trial with a seed."""
+    """Set the generators and streams of a new swarm to their states at the start of the trial with this seed."""
     draw_all(block, seed_words(seed), np.empty(2 * SEQUENCE_WORDS, np.uint64))
 
 
 @jit_no_alloc
 def draw_all(block: ByteArray, words: WordArray, scratch: WordArray) -> None:
-    """Do what `draw_start` does; words: the `seed_words` of the seed; scratch: (2 * `SEQUENCE_WORDS`,) is written."""
+    """Do what `draw_start` does; words: `seed_words` of the seed; scratch: (2 * `SEQUENCE_WORDS`,), overwritten."""
     swarm = swarm_at(block)
     scene, robots = swarm.scene[0], swarm.robots
     size = len(scratch) // 2
@@ -90,11 +90,11 @@ GRID_HEADINGS = 8  # number of headings on the grid, multiples of 45 degrees (th
 MAX_DRAWS = 10_000  # number of random positions tried for a robot before the arena counts as full
 
 OUTSIDE_CM, APART_CM = -1e6, 1e3
-"""Coordinates of where the first robot is parked if it is not in the arena, cm: out of the way of all that has a range;
-and distance of parked robots along each axis, cm."""
+"""x and y in cm at which the first robot is parked while it is not in the arena, farther away than any range; and
+distance in cm between parked robots along each axis."""
 
-TOLERANCE_CM = 1e-6  # how far bodies may overlap at given poses, cm: what rounding makes of poses that touch
-PLACED = -1  # what functions return that have placed all robots
+TOLERANCE_CM = 1e-6  # largest overlap of bodies at given poses, cm: allows for rounding of poses that touch
+PLACED = -1  # returned instead of a robot when all are placed
 
 
 def parked_poses(robots: IntArray) -> FloatArray:
@@ -104,13 +104,13 @@ def parked_poses(robots: IntArray) -> FloatArray:
 
 
 def parked(poses: FloatArray) -> FloatArray:
-    """Return (..., robots, 3) poses of steps with robots parked that are not in the arena, for whom they are NaN."""
+    """Return (..., robots, 3) poses in which robots that are not in the arena, with poses of NaN, are parked."""
     return np.where(np.isnan(poses), parked_poses(np.arange(poses.shape[-2])), poses)
 
 
 @jit_no_alloc
 def clearance_cm(swarm: Swarm, x: float, y: float, circles: int) -> float:
-    """Return the distance from a point to the nearest wall, edge, or first circles, cm; negative beyond or inside."""
+    """Return the distance, cm, from a point to walls, polygons and the first `circles`; negative beyond or inside."""
     scene = swarm.scene[0]
     clearance: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
     for index in range(circles):
@@ -142,7 +142,7 @@ def _take(swarm: Swarm, robot: int) -> None:
 
 @jit_no_alloc
 def is_free(swarm: Swarm, x: float, y: float, radius: float) -> bool:
-    """Return whether a robot at (x, y) touches none whose place is taken, no wall, no obstacle and no movable."""
+    """Return whether a robot at (x, y) would overlap no placed robot, no wall, no obstacle and no movable."""
     near = cells_around(x, y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
         for column in range(near.first_column, near.last_column + 1):
@@ -158,7 +158,7 @@ def is_free(swarm: Swarm, x: float, y: float, radius: float) -> bool:
 
 @jit_no_alloc
 def begin_placement(block: ByteArray) -> None:
-    """Take the places of the robots that are in the arena; others are parked far outside."""
+    """Register the robots in the arena as placed; the others are parked far outside."""
     swarm = swarm_at(block)
     for cell in range(len(swarm.cells)):
         swarm.cells[cell] = 0
@@ -231,7 +231,7 @@ def _grid_coordinate(length_cm: float, points: int, point: int) -> float:
 
 
 def put_at_given_poses(swarm: Swarm, scenario: EmbodiedScenario) -> None:
-    """Put the robots with given poses there, which depend on no seed, and park all others far outside."""
+    """Put robots at their given poses, which depend on no seed, and park all others far outside."""
     robots = swarm.robots
     robots["x"], robots["y"], _ = parked_poses(np.arange(len(robots))).T
     for number, group, numbers in members(scenario.robots):
@@ -256,7 +256,7 @@ def put_at_given_poses(swarm: Swarm, scenario: EmbodiedScenario) -> None:
 
 
 def draw_places(block: ByteArray, scenario: EmbodiedScenario) -> None:
-    """Put robots on the grid, and at random places, by draws; raise ScenarioError if they do not fit."""
+    """Draw places on the grid, and at random, for the other robots; raise ScenarioError if they do not fit."""
     begin_placement(block)
     groups = [each for each in members(scenario.robots) if each[1].present]
     for number, group, robots in groups:
