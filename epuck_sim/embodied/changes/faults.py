@@ -4,8 +4,8 @@ A fault changes one reading, actuator or clock, which its section of a scenario 
 `change_faults` first of all, `hold` before robots sense, `blank_readings` afterwards, `freeze` when controllers have
 run, and `fail_actuators` when commands have been carried out; sensors of flashes call `hide_flashes`.
 
-Times are in milliseconds. Each fault draws from streams of its own, one for each robot, so that neither other faults
-nor further robots change it; what robots draw without faults stays as it is.
+Times are in milliseconds. Each fault draws from streams of its own, one for each robot. So it does not depend on other
+faults or on further robots, and all other draws of robots stay the same.
 """
 
 import math
@@ -32,7 +32,7 @@ RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5
 CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART, SENSOR_DEAD = range(5, 11)
 
 LOGGED_STEPS = 16
-"""Control steps of which `Swarm.log` has room for a change of each fault of each robot: then call `take_events`."""
+"""Number of control steps for which `Swarm.log` has room, if all faults change in each: then call `take_events`."""
 
 
 # --- who has which fault, from when to when ---------------------------------------------------------
@@ -47,7 +47,7 @@ def set_faults(swarm: Swarm, scenario: EmbodiedScenario) -> None:
         if isinstance(section, SensorDead):
             fault.sensor = scenario.sensor_names.index(section.sensor)
         nearer, farther = (getattr(section, key, None) for key in ("nearer_than_cm", "farther_than_cm"))
-        at_any = math.inf if farther is None else 0.0  # distance, unless one is given
+        at_any = math.inf if farther is None else 0.0  # distance: the default of nearer_cm, unless farther_cm is given
         fault.nearer_cm, fault.farther_cm = _or(nearer, at_any), _or(farther, math.inf)
         fault.begin_ms = math.inf if section.scheduled else _in_ms(section.at_s or 0.0)
         fault.end_ms = _in_ms(_or(section.until_s, math.inf))
@@ -89,7 +89,7 @@ def _members(section: FaultSection, robots: int, sequence: np.random.SeedSequenc
 
 @jit_no_alloc
 def draw_first_changes(block: ByteArray) -> None:
-    """Draw the words that decide on flashes, and when each fault begins first."""
+    """Draw the keys that decide which flashes are missed, and the time at which each fault first begins."""
     swarm = swarm_at(block)
     for fault in range(len(swarm.faults)):
         for robot in range(len(swarm.robots)):
@@ -102,7 +102,7 @@ def draw_first_changes(block: ByteArray) -> None:
 
 @jit_no_alloc
 def _await_next(swarm: Swarm, fault: int, robot: int) -> None:
-    """Set when a fault begins next: a random one after a drawn time, unless that is too late; others never again."""
+    """Set the time at which a fault begins next: drawn for a random fault, if that is before its end; else never."""
     section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + robot]
     time_ms = math.inf
     if section.mean_free_ms > 0.0:
@@ -182,7 +182,7 @@ def has_fault(robot: Any, kind: int) -> bool:
 
 
 def take_events(swarm: Swarm) -> list[TrialEvent]:
-    """Return the faults that began or ended since the last call, one event for robots in which one did so at once."""
+    """Return the faults that began or ended since the last call; robots in which one did so at once share an event."""
     scene = swarm.scene[0]
     order = ("time_ms", "fault", "begins", "robot")
     changes = np.sort(swarm.log[: scene.changes], order=order)[list(order)].tolist()
@@ -196,14 +196,14 @@ def take_events(swarm: Swarm) -> list[TrialEvent]:
     return events
 
 
-# --- what they change -------------------------------------------------------------------------------
+# --- effects of faults ------------------------------------------------------------------------------
 
 
 @jit_no_alloc
 def hold(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Start those of a group's oscillators anew whose turn it is, and hold phases and rings, before robots sense.
+    """Restart the oscillators of a group that are due, and save phases and rings for `freeze`, before robots sense.
 
-    Sensors in files of their own read what they have sensed, dead or not: some count on from there.
+    Restore the readings of sensors in files of their own to the values sensed, dead or not: some count on from them.
     """
     swarm = swarm_at(block)
     group = swarm.groups[number]
@@ -232,7 +232,7 @@ def hold(block: ByteArray, _addresses: IntArray, number: int) -> None:
 
 @jit_no_alloc
 def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Write what a group's dead sensors read: 0, and no distance."""
+    """Set the readings of a group's dead sensors to 0, and their distances to none."""
     swarm = swarm_at(block)
     at, group = swarm.scene[0].at[SENSED_BYTES], swarm.groups[number]
     for member in range(group.count):
@@ -271,7 +271,7 @@ def freeze(block: ByteArray, _addresses: IntArray, number: int) -> None:
 
 @jit_no_alloc
 def fail_actuators(block: ByteArray, _addresses: IntArray, _number: int) -> None:
-    """Light the rings that are commanded, or stuck, and work; stop dead wheels, which count as commanded."""
+    """Light rings that are commanded to, or stuck on, unless they are dead; stop dead wheels, whose commands stay."""
     swarm = swarm_at(block)
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]
@@ -283,7 +283,7 @@ def fail_actuators(block: ByteArray, _addresses: IntArray, _number: int) -> None
 
 @jit_no_alloc
 def hide_flashes(block: ByteArray, _addresses: IntArray, robot: int) -> None:
-    """Write to the scratch numbers which lit rings faults do not keep a robot from seeing: 1 for each, 0 for others."""
+    """Label robots in the scratch numbers: 1 if the ring is lit and no fault hides it from `robot`, 0 for others."""
     swarm = swarm_at(block)
     robots = len(swarm.robots)
     is_blind = has_fault(swarm.robots[robot], CAMERA_BLIND)
@@ -309,7 +309,7 @@ def _misses(swarm: Swarm, robot: int, sender: int) -> bool:
 
 @jit_no_alloc
 def random_share(key: np.uint64, sender: int, flash: int) -> float:
-    """Return a random number from [0, 1) that belongs to a key and a flash, the same whenever it is asked for."""
+    """Return a random number from [0, 1) that is determined by a key and by a flash's sender and number."""
     word = key
     for number in (sender + 1, flash):  # splitmix64 (Steele, Lea and Flood 2014), twice
         word += np.uint64(0x9E3779B97F4A7C15) * np.uint64(number)

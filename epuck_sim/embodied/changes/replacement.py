@@ -1,7 +1,7 @@
-"""Replaces the controllers of robots that are at work by new ones between two control steps, also when a file is saved.
+"""Replaces controllers between two control steps of a running trial, also whenever their file is saved.
 
-What robots remember may take another number of bytes, so the swarm goes on in a new block. The old one stays as it is:
-if the new controller is refused, the trial goes on there.
+Memories may have another size then, so the swarm moves to a new block. The old one stays as it is: if the new
+controller is refused, the trial continues there.
 """
 
 import time
@@ -28,18 +28,18 @@ _PLACES = {
     "scene": ("at", "reference_phase", "reference_is_float"),
     "groups": ("parameters", "memory", "memory_bytes", "phase", "phase_is_float", "period"),
 }
-"""Fields that depend on controllers, and on where a block has their bytes."""
+"""Fields that depend on controllers, and on the offsets of their bytes in a block."""
 
 
 class Replaced(NamedTuple):
-    """Fields that robots with a new controller keep, or begin anew."""
+    """Fields of memory that robots keep, or begin anew, with a new controller."""
 
-    kept: tuple[str, ...]  # fields that robots still remember
+    kept: tuple[str, ...]  # fields whose values are kept
     started: tuple[str, ...]  # fields of the new controller that have begun anew
 
 
 def check_alike(old: Controller, new: Controller) -> None:
-    """Raise ControllerError if controllers differ in what a trial relies on while it runs."""
+    """Raise ControllerError if controllers differ in `EXTERNAL`, or in being oscillators: a trial relies on both."""
     if old.external != new.external:
         raise ControllerError(f"{new.path}: EXTERNAL has changed from {old.external} to {new.external}: run again")
     if old.is_oscillator != new.is_oscillator:
@@ -48,7 +48,7 @@ def check_alike(old: Controller, new: Controller) -> None:
 
 
 def parameters_for(new: Controller, old: Controller, record: np.void, step_ms: int, origin: str) -> dict[str, Value]:
-    """Return the parameters of a new controller: the old ones, where it has them and they are no old defaults."""
+    """Return a new controller's parameters: its defaults, except where an old value differs from the old default."""
     values = old.parameter_values(record)
     given = {name: value for name, value in values.items() if name in new.parameters and value != old.parameters[name]}
     return resolve_parameters(new, given, step_ms, origin)
@@ -62,11 +62,11 @@ def replace_controller(
     new: GroupControllers,
     parameters: Mapping[str, Value],
 ) -> Replaced:
-    """Have a swarm go on in a new block, in which a group has another controller; the old block stays as it is.
+    """Move a swarm to a new block, in which a group has another controller; the old block stays as it is.
 
     Fields of memory whose names and types agree are kept, others begin as `start` sets them. The new controller runs
-    once on what robots sense now, so that one that raises, or sets what is not a number, is refused at once; what that
-    changes is set back.
+    once on the present readings, so that one that raises, or commands a value that is not a number, is refused at once;
+    the changes of this run are undone.
     """
     _move(old_block, block, number)
     new.parameters[:] = new.controller.parameter_record(parameters)
@@ -107,10 +107,10 @@ def _move(old_block: ByteArray, block: ByteArray, replaced: int) -> None:
 # --- files that are saved ------------------------------------------------------------------------------
 
 LOOK_S = 0.25  # time between two looks at the files, s
-SETTLED_S = 0.1  # time since a file was last written from which on it is taken as saved completely, s
+SETTLED_S = 0.1  # time after the last write to a file, s, from which it counts as saved completely
 
 SOURCES = {".py": (".py",), ".c": (".c", ".h"), ".so": (".so",)}
-"""By the ending of a controller's file: endings of the files beside it from which it may be made."""
+"""Endings of the files beside a controller's file from which it may be made, by the ending of that file."""
 
 
 class ControllerFiles:
@@ -161,7 +161,7 @@ class ControllerFiles:
 
 
 def _stamps(controller: Controller) -> dict[Path, int]:
-    """Return when each file was last written that a controller is made from, or might be after an edit."""
+    """Return the time of the last write to each file that a controller is made from, or might be after an edit."""
     folder, endings = controller.path.parent, SOURCES[controller.path.suffix]
     files = dict.fromkeys([*controller.sources, *(file for ending in endings for file in folder.glob(f"*{ending}"))])
     stamps = {}

@@ -24,12 +24,12 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.jit import jit_no_alloc
 
 DEEPEST_CM = 2 * MARGIN_CM
-"""How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""
+"""Largest overlap of a body with new walls and obstacles, cm: as much as that of bodies that press on each other."""
 
 
 @jit_no_alloc
 def blank(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Have the robots of a group that are not in the arena sense nothing; their controllers, which hear, do not run."""
+    """Blank infrared and pixels of a group's robots outside the arena; pulses stay, as no controller reads them."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
     for member in range(group.count):
@@ -44,7 +44,7 @@ def blank(block: ByteArray, _addresses: IntArray, number: int) -> None:
 
 @jit_no_alloc
 def rest(block: ByteArray, _addresses: IntArray, _number: int) -> None:
-    """Have all robots that are not in the arena rest in the dark, after commands have been carried out."""
+    """Stop all robots that are not in the arena and darken their rings, after commands have been carried out."""
     swarm = swarm_at(block)
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]
@@ -55,7 +55,7 @@ def rest(block: ByteArray, _addresses: IntArray, _number: int) -> None:
 
 
 def take_out(robots: Sequence[int], swarm: Swarm, world: World, controllers: Sequence[GroupControllers]) -> None:
-    """Take robots out of the arena: they forget all."""
+    """Take robots out of the arena, and clear their memories and actuators."""
     for number in robots:
         world.move(number, start.parked_poses(np.array([number]))[0])
         robot = swarm.robots[number]
@@ -75,7 +75,7 @@ def put_in(
     sequence: np.random.SeedSequence,
     origin: str,
 ) -> None:
-    """Put absent robots into the arena; their controllers start, and they remember what the scenario says.
+    """Put absent robots into the arena, start their controllers, and set the memories that the scenario gives.
 
     Poses are cm, cm, rad; if they are None, free places are drawn from the sequence. Errors begin with `origin`.
     """
@@ -135,7 +135,7 @@ def displace_phases(
     displacement: RobotDisplacement,
     sequence: np.random.SeedSequence,
 ) -> None:
-    """Displace phases, and command rings dark; random ones are drawn for all robots, whoever is displaced."""
+    """Displace phases, and command rings dark; random phases are drawn for all robots, displaced or not."""
     robots = np.arange(len(swarm.robots))
     drawn = np.random.Generator(np.random.SFC64(sequence)).random(len(robots))
     is_displaced = np.isin(robots, robots if displacement.robots is None else displacement.robots)
@@ -155,9 +155,9 @@ def displace_phases(
 
 
 def begin_or_end(swarm: Swarm, fault: int, *, begins: bool, time_ms: float) -> None:
-    """Have a scheduled fault begin, or end, in the control step at this time, in all robots that may have it."""
+    """Begin or end a scheduled fault, in the control step at this time, in all robots that may have it."""
     affected = swarm.affected.reshape(len(swarm.faults), -1)[fault]
     is_active = affected.is_active
-    will_be = is_active ^ (affected.change_ms <= time_ms)  # where an entry before has had it begin, or end
+    will_be = is_active ^ (affected.change_ms <= time_ms)  # after entries before this one
     concerned = affected.is_member & (will_be != begins)
     affected.change_ms[concerned] = np.where(is_active[concerned] != begins, time_ms, math.inf)
