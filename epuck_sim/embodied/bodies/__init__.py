@@ -1,4 +1,4 @@
-"""Bodies: who may touch whom, and Chipmunk, the engine inside pymunk, which moves who does.
+"""Bodies: which robots may touch something, and Chipmunk, the engine inside pymunk, which moves those.
 
 May import: `swarm`, `cells`, the scenario, the arena and util; never sensors, controllers or the loop.
 """

@@ -1,10 +1,10 @@
 """Motion without Python between physics steps: compiled code calls Chipmunk, the C library inside pymunk.
 
-Functions, bodies and shapes are called, and given, by their addresses, which stand in an array. They differ from
-process to process: in an array, they are no part of the compiled code, which can thus be kept on disk. This is the one
-file with private names of pymunk. Where they, or how C is called, are not as expected, the same kernels run as plain
-Python, slowly, on an array that has pymunk's objects where compiled code has addresses, and functions of the public
-interface where it has Chipmunk's. So the outcome is the same, to the bit.
+Functions, bodies and shapes are passed by their addresses. These differ from process to process, so they stand in an
+array and not in the compiled code, which can thus be kept on disk. Only this file has private names of pymunk. If the
+names, or the way in which C is called, are not as expected, the same kernels run as plain Python, slowly: their array
+has pymunk's objects instead of addresses, and functions of its public interface instead of Chipmunk's. The outcome is
+the same, to the bit.
 """
 
 import platform
@@ -56,8 +56,8 @@ FUNCTIONS: dict[str, tuple[str, Callable[..., Any]]] = {
     "cpBodyGetVelocity": ("cpVect(*)(cpBody *)", attrgetter("velocity")),
     "cpBodyUpdatePosition": ("void(*)(cpBody *, cpFloat)", pymunk.Body.update_position),
 }
-"""Chipmunk's functions that compiled code calls, in the order of their addresses: the kind of each, and what does the
-same by pymunk's public interface."""
+"""Chipmunk's functions that compiled code calls, in the order of their addresses: the C type of each, and its
+equivalent in pymunk's public interface."""
 
 FIRST = HIDE + 1
 
@@ -66,7 +66,7 @@ FIRST = HIDE + 1
 (_SET_SPIN, _GET_POSITION, _GET_ANGLE, _GET_VELOCITY, _UPDATE_POSITION) = range(FIRST + 13, FIRST + 18)
 """Indices of the functions in the addresses."""
 
-END = FIRST + len(FUNCTIONS)  # index in the addresses of the first that is not the same for all worlds of a process
+END = FIRST + len(FUNCTIONS)  # index of the first address that differs between the worlds of a process
 
 
 # --- a control step -----------------------------------------------------------------------------------
@@ -76,8 +76,8 @@ END = FIRST + len(FUNCTIONS)  # index in the addresses of the first that is not 
 def move_bodies(block: ByteArray, addresses: IntArray) -> None:
     """Move all bodies of a block for a control step.
 
-    Chipmunk moves robots that may touch something, but for those that `contacts` moves as it would; others move in
-    straight lines. Where nobody is in the space, no physics step is taken. Cells are right before and after.
+    Chipmunk moves robots that may touch something, except those that `contacts` moves as Chipmunk would; others move in
+    straight lines. With no robot in the space, no physics step is taken. The cell list is valid before and after.
     """
     swarm = swarm_at(block)
     robots = swarm.robots
@@ -101,7 +101,7 @@ def move_bodies(block: ByteArray, addresses: IntArray) -> None:
 
 @jit_inline
 def _step_space(block: ByteArray, addresses: IntArray, inside: int, fastest_cm_s: float) -> None:
-    """Take physics steps, and get where robots and movables are then; inside: number of robots in the space."""
+    """Take physics steps, and read the new poses of robots and movables; inside: number of robots in the space."""
     swarm = swarm_at(block)
     scene, robots = swarm.scene[0], swarm.robots
     candidates = inside
@@ -124,9 +124,9 @@ def _step_space(block: ByteArray, addresses: IntArray, inside: int, fastest_cm_s
 def _bring_in(
     block: ByteArray, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past: int
 ) -> int:
-    """Bring into the space whom robots may touch that come too far, and those that have been brought in before.
+    """Bring robots into the space that may be touched by one that comes too far, or by one brought in before.
 
-    The list begins with `candidates` robots, then has who was brought in, `inside` in all; returns its new length.
+    The list has `candidates` robots, then those that were brought in, `inside` in all; return its new length.
     """
     swarm = swarm_at(block)
     first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past * swarm.scene[0].physics_s + PUSHED_CM
@@ -178,7 +178,7 @@ def _leave(swarm: Swarm, addresses: IntArray, number: int) -> None:
 
 @jit_no_alloc
 def place(block: ByteArray, addresses: IntArray) -> None:
-    """Make the space anew (never used twice: viblo/pymunk#181), with all robots at rest where they are, out of it."""
+    """Create a new space (none is used twice: viblo/pymunk#181); all robots are at rest where they are, outside it."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     surfaces = addresses[scene.surfaces : scene.surfaces + scene.surface_count]
@@ -208,13 +208,13 @@ def rest(block: ByteArray, addresses: IntArray, number: int) -> None:
 
 @jit_no_alloc
 def _rest(swarm: Swarm, addresses: IntArray, number: int) -> None:
-    """Set a body to rest as a new one, out of the space: its last place would change the order of contacts."""
+    """Put a body at rest like a new one, out of the space: its last place would change the order of contacts."""
     body, robot = addresses[swarm.scene[0].bodies + 2 * number], swarm.robots[number]
     if pointer_from_c(addresses[_SPACE_OF], body) != 0:
         _leave(swarm, addresses, number)
     call_c(addresses[_SET_VELOCITY], body, 0.0, 0.0)
     call_c(addresses[_SET_SPIN], body, 0.0)
-    call_c(addresses[_UPDATE_POSITION], body, 0.0)  # forgets what its last contact was to correct in the next step
+    call_c(addresses[_UPDATE_POSITION], body, 0.0)  # clears the correction due to its last contact
     call_c(addresses[_SET_POSITION], body, 0.0, 0.0)
     call_c(addresses[_SET_ANGLE], body, 0.0)
     robot.in_space = False
@@ -254,7 +254,7 @@ def add_to_space(space: int, things: Iterable[Thing]) -> None:
 
 
 def take_from_space(space: int, things: Iterable[Thing]) -> None:
-    """Take those of things out of the space at an address that are in it: first joints, then shapes, then bodies."""
+    """Remove the things that are in the space at an address from it: first joints, then shapes, then bodies."""
     pointer, every = ffi.cast("cpSpace *", int(space)), list(things)
     for kind in dict.fromkeys(_KINDS.values()):
         space_of, remove = getattr(lib, f"cp{kind}GetSpace"), getattr(lib, f"cpSpaceRemove{kind}")
@@ -264,7 +264,7 @@ def take_from_space(space: int, things: Iterable[Thing]) -> None:
 
 
 def free_space(addresses: IntArray, bodies: Bodies) -> None:
-    """Free the space, if there is one, but take out first what pymunk's objects free themselves."""
+    """Free the space, if there is one, after removing the parts that pymunk's objects free themselves."""
     if addresses[SPACE]:
         take_from_space(addresses[SPACE], [bodies.ground, *bodies.listed, *bodies.pushed])
         lib.cpSpaceFree(ffi.cast("cpSpace *", int(addresses[SPACE])))
@@ -273,7 +273,7 @@ def free_space(addresses: IntArray, bodies: Bodies) -> None:
 
 @cache
 def function_addresses() -> list[int]:
-    """Return the addresses of Chipmunk's functions; AttributeError or TypeError if this pymunk's are others."""
+    """Return the addresses of Chipmunk's functions; raise AttributeError or TypeError if this pymunk's differ."""
     functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
     if ffi.typeof("cpFloat") is not ffi.typeof("double"):
         raise TypeError("its numbers are no doubles")

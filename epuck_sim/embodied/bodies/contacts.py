@@ -1,21 +1,21 @@
 """Which robots may touch something soon: only they need a physics engine, all others move in straight lines.
 
-Most candidates touch walls alone, or one other robot alone, without friction. These move by the arithmetic that
-Chipmunk itself does for them, with equal outcomes but for rounding, and without the time that its space takes: in each
-physics step bodies move; then those that touch lose the speed at which they approach, shared by their masses; and what
-they overlap beyond `SLOP_CM` is moved apart in the next physics step.
+Most candidates touch only walls, or only one other robot, without friction. These move by the same arithmetic as in
+Chipmunk, with equal outcomes up to rounding, but without the time that its space takes. In each physics step bodies
+move; then those that touch lose the speed at which they approach, shared by their masses; overlaps beyond `SLOP_CM` are
+corrected in the next physics step.
 
-Candidates are the robots that would touch something in a control step if all moved in straight lines, and all that they
-may push or be pushed into, one by the other. All others are farther from a candidate than the two could come if both
-were as fast as the fastest robot and contacts moved each `PUSHED_CM` farther.
+Candidates are the robots that would touch something in a control step if all moved in straight lines, and in turn all
+robots that candidates may push or be pushed into. All others are too far from a candidate to meet it, even if both were
+as fast as the fastest robot and contacts moved each `PUSHED_CM` farther.
 
-Nothing bounds how far contacts move a robot: rows of robots that drive at each other squeeze out one between them, the
-faster the longer the rows. So whoever moves bodies looks before each physics step for candidates whose velocities take
-them farther than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and
-whom those may touch that were brought in. The others touch nobody: two that have not come too far are out of each
-other's reach by another `PUSHED_CM`. This is left for the correction of overlaps, which no velocity shows. Thus a
-contact is found in the same step as with all robots in the space, unless corrections alone move a robot by more than
-that in a single physics step; then it is found a physics step later.
+Contacts can move a robot any distance: rows of robots that drive at each other squeeze out one between them, the faster
+the longer the rows. So before each physics step, `chipmunk` looks for candidates that their velocities take farther
+than the fastest robot's path and `PUSHED_CM`. It brings in the robots that these may touch in that step, by
+`add_reached`, and then those that robots brought in may touch. The others touch nobody: two that have not come too far
+are out of each other's reach by another `PUSHED_CM`. This is left for corrections of overlaps, which do not show in
+velocities. So a contact is found in the same physics step as with all robots in the space, unless corrections alone
+move a robot by more than that in a single step; then it is found a step later.
 """
 
 import math
@@ -39,7 +39,7 @@ for this.
 SLOP_CM = 2 * MARGIN_CM  # overlap of enlarged bodies that is not corrected
 
 PUSHED_CM = 0.1
-"""Distance in cm by which contacts may move a robot farther than the fastest robot drives before anybody looks."""
+"""Distance in cm by which contacts may move a robot farther than the fastest robot drives before others are sought."""
 
 NOBODY = -1  # stands for no robot
 
@@ -61,7 +61,7 @@ def wall_touch_cm(radius_cm: float) -> float:
 
 @jit_no_alloc
 def find_contact_candidates(block: ByteArray) -> float:
-    """Write who may touch something in a control step, and their partners; return the fastest speed, cm/s."""
+    """Flag the robots that may touch something in a control step, and set partners; return the top speed, cm/s."""
     swarm = swarm_at(block)
     scene, robots, reached = swarm.scene[0], swarm.robots, swarm.numbers
     time_s = scene.physics_steps * scene.physics_s
@@ -71,7 +71,7 @@ def find_contact_candidates(block: ByteArray) -> float:
     fastest = math.sqrt(fastest)
     path_cm = fastest * time_s + PUSHED_CM
     reach_cm = touch_cm(scene.largest_cm, scene.largest_cm) + 2.0 * path_cm
-    # robots of further cells may be within reach, too; and movables may push robots that are far from each other
+    # robots beyond the cells around may be within reach, and movables may push robots that are far from each other
     if reach_cm > min(scene.cell_width_cm, scene.cell_height_cm) or scene.circles > scene.first_movable:
         for number in range(len(robots)):
             robots[number].may_touch, robots[number].partner = robots[number].present, NOBODY
@@ -163,7 +163,7 @@ def _meets_robot(swarm: Swarm, number: int, time_s: float, reach_cm: float) -> b
 
 @jit_inline
 def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int:
-    """List who is within reach of one that may be pushed, its partner if alone; return the list's length."""
+    """List the robots within reach of a candidate, and set its partner if it is only one; return the list's length."""
     robot = swarm.robots[number]
     near = cells_around(robot.x, robot.y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
@@ -186,7 +186,7 @@ def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int
 
 
 class Motion(NamedTuple):
-    """Where a robot is, and the only other one that it may touch, and how fast, cm and cm/s."""
+    """Places, cm, and velocities, cm/s, of a robot and of the only other one that it may touch."""
 
     x: float
     y: float
@@ -201,7 +201,7 @@ class Motion(NamedTuple):
 
 @jit_no_alloc
 def lone_motion(swarm: Swarm, number: int, steps: int, reach_cm: float) -> Motion:
-    """Return where some physics steps take a robot and its partner, who may not come farther than `reach_cm`."""
+    """Return the motion of a robot and its partner in some physics steps; not exact if they move beyond `reach_cm`."""
     scene, robot = swarm.scene[0], swarm.robots[number]
     if robot.partner != number:
         return _push(robot, swarm.robots[robot.partner], steps, scene.physics_s, reach_cm)
@@ -261,7 +261,7 @@ def _push(one: Any, other: Any, steps: int, step_s: float, reach_cm: float) -> M
 
 @jit_no_alloc
 def move_lone(swarm: Swarm, number: int, steps: int) -> None:
-    """Move a robot and its partner by some physics steps, and have them go on as these leave them."""
+    """Move a robot and its partner by some physics steps, and set their new velocities."""
     robot = swarm.robots[number]
     other, time_s = swarm.robots[robot.partner], steps * swarm.scene[0].physics_s
     moved = lone_motion(swarm, number, steps, math.inf)
@@ -277,10 +277,10 @@ def move_lone(swarm: Swarm, number: int, steps: int) -> None:
 
 @jit_no_alloc
 def add_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
-    """Add robots to the list of candidates that were none, but may touch a robot at (x, y) in the next physics step.
+    """Add to the candidates, `found` so far, the robots that may touch one at (x, y) in the next physics step.
 
-    They are moved to where they are `past` physics steps after the control step began. Another robot may come nearer
-    with `approach_cm_s`, but for contacts; returns the length of the list, `found` before.
+    They are first moved by the `past` physics steps since the control step began. Without contacts, a robot approaches
+    by up to `approach_cm_s`. Return the number of candidates.
     """
     swarm = swarm_at(block)
     largest_cm, time_s = swarm.scene[0].largest_cm, past * swarm.scene[0].physics_s
@@ -328,7 +328,7 @@ def move_straight(robot: Any, time_s: float) -> None:
 
 @jit_no_alloc
 def move_others(block: ByteArray) -> None:
-    """Move the robots that are no candidates for a control step."""
+    """Move the robots that Chipmunk does not move, by a control step."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     for number in range(len(swarm.robots)):

@@ -2,12 +2,12 @@
 
 Movables are discs that robots push over the floor. The floor's friction on a movable is Coulomb's: up to its
 coefficient times the weight, against the motion. Wheels drive a robot to the velocity that is commanded, or hold it
-there, with a force in any direction up to a limit. So pushers move what they press on if their forces sum to more than
-its friction, at the commanded speed; else it stays.
+there, with a force in any direction up to a limit. So robots move a movable, at the commanded speed, if the forces with
+which they press on it sum to more than its friction; else it stays.
 
-Both forces are joints of pymunk without a memory of places: in each physics step, a joint changes a difference of
-velocities by an impulse of at most its force times the step, as much as it takes to make the difference 0. Robots thus
-follow their wheels one physics step late. Forces take a few steps to balance, in which even what is too heavy creeps.
+Both forces are joints of pymunk that do not correct positions. In each physics step, a joint reduces a difference of
+velocities, to 0 if it can, by an impulse of at most its force times the step. Robots thus follow their wheels one
+physics step late. Forces take a few steps to balance; until then, even a movable that is too heavy creeps.
 """
 
 import math
@@ -22,7 +22,7 @@ from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
 
 WALL_CM = 50.0  # thickness of the walls in cm: far more than a robot can cover in one physics step
-GRAVITY_CM_S2 = 981.0  # acceleration of gravity in cm/s^2, which makes a weight of a mass
+GRAVITY_CM_S2 = 981.0  # acceleration of gravity in cm/s^2: weight per mass
 DYNES_PER_NEWTON = 1e5  # force of 1 N in g cm/s^2, the unit of forces where masses are g and lengths cm
 _ROBOTS = 1  # pymunk's group of shapes that do not touch each other: robots that pass through each other
 
@@ -92,7 +92,7 @@ def _disc(body: pymunk.Body, radius_cm: float, friction: float) -> Disc:
 
 
 def _limited_joint(one: pymunk.Body, other: pymunk.Body, force: float) -> pymunk.Constraint:
-    """Return a joint that lets `other` move as `one` as far as a force, g cm/s^2, can, wherever the two are."""
+    """Return a joint that drives `other` to the velocity of `one` with up to this force, g cm/s^2, at any distance."""
     joint = pymunk.PivotJoint(one, other, (0, 0), (0, 0))
     joint.max_bias = 0.0
     joint.max_force = force

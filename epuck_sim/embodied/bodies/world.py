@@ -28,16 +28,16 @@ from epuck_sim.util.provenance import format_versions, versions
 class World:
     """The bodies of a swarm in one trial after the other.
 
-    Compiled code moves them, by `chipmunk.move_bodies`, unless pymunk is another one than that code is made for. Then
-    `is_public` is true, as is `scene.moved_publicly`, and `step` moves them in Python: slowly, to the same outcome.
+    Compiled code moves them, by `chipmunk.move_bodies`, unless it does not fit this pymunk. Then `is_public` is true,
+    as is `scene.moved_publicly`, and `step` moves them in Python: slowly, to the same outcome.
     """
 
     is_public: bool  # whether Python moves the bodies
     _addresses: npt.NDArray[Any]
-    """Those of `addresses`, and more; objects instead of addresses where Python moves the bodies."""
+    """The addresses in use, see `use`; pymunk's objects in their place where Python moves the bodies."""
 
     def __init__(self, arenas: Sequence[Arena], kinds: Sequence[RobotKind], contact: ContactSection) -> None:
-        """Make the bodies; a trial begins in the first of all its arenas, by `use` and `place`."""
+        """Make the bodies; a trial begins in the first of the arenas, by `use` and `place`."""
         self._arenas, self._arena, self._friction = arenas, arenas[0], contact.friction
         self._make_bodies = partial(make_bodies, arenas[0], kinds, contact)
         self._bodies: Bodies = self._make_bodies()
@@ -64,7 +64,7 @@ class World:
         return [*head, *map(way.address, bodies.listed), *[0] * room]
 
     def use(self, block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
-        """Work from now on with a block, and with addresses that begin with `addresses`; `weakref` frees the space."""
+        """Use a block, and addresses that begin with those of `self.addresses`; `weakref` frees the space later."""
         self._block, self._swarm = block, swarm
         used = self._addresses[SPACE] if self._finalizer else 0
         self._addresses = np.array(self._listed()) if self.is_public else addresses
@@ -95,7 +95,7 @@ class World:
             self._way.add_to_space(self._addresses[SPACE], self._bodies.pushed)
 
     def _renew(self) -> None:
-        """Make all bodies anew: old ones know their last contacts, and joints impulses."""
+        """Make all bodies anew: old ones keep data of their last contacts, and joints their impulses."""
         self._way.free_space(self._addresses, self._bodies)
         self._bodies = self._make_bodies()
         self._addresses[SPACE], self._addresses[GROUND] = 0, self._way.address(self._bodies.ground)
