@@ -4,12 +4,12 @@ Pixel i of n looks along one ray, the middle of its share of the field of view; 
 picture. The nearest surface on the ray decides the pixel: a lit ring is red, all else is dark. Robots are discs, as
 large as their bodies. The walls are dark, and the floor they bound is convex, so that they hide no robot.
 
-Most rings are dark most of the time. Where few are lit, they are looked at first, as if there were no others; other
-robots can but hide what they show, so that the search for those skips all other pixels, and ends where the lit are.
+Most rings are dark most of the time. Where few are lit, these are drawn first, as if there were no others. Other robots
+can only hide them, so the search for those skips all other pixels, and ends at the distance of the lit ones.
 
-A wall mirrors a ray once: to a camera, what the ray meets then is as far as the whole way, and lies beyond the wall. So
-the images in a wall are what a mirrored camera beyond it sees of the robots themselves, with left and right exchanged.
-The camera sees them in pixels whose rays meet neither a robot nor an obstacle before the wall.
+A wall mirrors a ray once. A camera sees what the ray then meets beyond the wall, at the length of the whole path. So
+the images in a wall are the view of a mirrored camera beyond it, with left and right exchanged. The camera sees them in
+pixels whose rays meet neither a robot nor an obstacle before the wall.
 
 A camera may take fewer pictures than there are control steps, and deliver them late (thesis 4.3.1): at instants of its
 own, `interval` control steps apart, the first at a random time. A picture shows the control step in which its instant
@@ -47,11 +47,11 @@ from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.rng import uniform
 
-NEVER = -2  # control step in which a picture arrives before a camera has taken its first
+NEVER = -2  # control step in which a picture arrives, as long as a camera has taken none
 
 _LEFT, _RIGHT, _LOWER, _UPPER = range(4)
 
-FEW_LIT = 8  # measured: to look at the lit first is as fast as to search for all robots at once if lit^2 = 8 robots
+FEW_LIT = 8  # measured: to draw the lit first is as fast as to search for all robots at once if lit^2 = 8 robots
 
 
 def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, control_hz: float) -> None:
@@ -95,7 +95,7 @@ class Picture(NamedTuple):
     rays: Any  # (pixels,) RAY: where pixels look
     labels: IntArray  # (robots,) what a pixel that shows the robot becomes
     row: IntArray  # (pixels,) label of the nearest surface
-    depth: FloatArray  # (pixels,) cm within which a surface would be nearer; -inf where nothing can change the pixel
+    depth: FloatArray  # (pixels,) cm: a nearer surface changes the pixel; -inf where nothing can change it
 
 
 @jit_no_alloc
@@ -117,7 +117,7 @@ def look(block: ByteArray, addresses: IntArray, number: int) -> None:
 
 @jit_inline
 def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
-    """Write to (pixels,) zeros the label of the robot that each pixel shows; robots have cells, see also `find_lit`."""
+    """Write to `row`, zeros, the label of the robot that each pixel shows; needs cells and labels, see `find_lit`."""
     camera = group.camera
     eye = eye_of(swarm, robot, camera)
     robots = len(swarm.robots)
@@ -142,7 +142,7 @@ def eye_of(swarm: Swarm, number: int, camera: Any) -> Eye:
 
 @jit_inline
 def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int, largest_cm: float) -> FieldOfView:
-    """Return a camera's field of view from pixel `left` to pixel `right`, in which robots are up to so large."""
+    """Return a camera's field of view from pixel `left` to pixel `right`; largest_cm: radius of the largest robot."""
     first, last = rays[left], rays[right]
     return FieldOfView(
         eye.x,
@@ -158,7 +158,7 @@ def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int, larges
 
 @jit_inline
 def see_lit(swarm: Swarm, lit: int, camera: Any, eye: Eye, picture: Picture) -> bool:
-    """Write the listed robots to a picture as if there were no others, and close the rest; return whether any shows."""
+    """Draw the listed robots as if there were no others, and close pixels that show none; return whether any shows."""
     view = view_between(camera, eye, picture.rays, camera.first, camera.end - 1, swarm.scene[0].largest_cm)
     any_lit = False
     for place in range(lit):
@@ -177,7 +177,7 @@ def see_lit(swarm: Swarm, lit: int, camera: Any, eye: Eye, picture: Picture) -> 
 
 @jit_inline
 def see_sectors(swarm: Swarm, camera: Any, eye: Eye, picture: Picture) -> None:
-    """Write all robots to a picture, sector by sector; pixels that cannot change any more are in none."""
+    """Draw all robots in a picture, sector by sector, leaving out pixels that cannot change any more."""
     pixels = max(1, int(SECTOR_RAD * camera.pixels_per_rad))
     left = camera.first
     while left < camera.end:
@@ -193,7 +193,7 @@ def see_sectors(swarm: Swarm, camera: Any, eye: Eye, picture: Picture) -> None:
 
 @jit_inline
 def _see_sector(swarm: Swarm, camera: Any, eye: Eye, left: int, right: int, picture: Picture) -> None:
-    """Write all robots to pixels, strip by strip from near to far, until all remaining ones must be hidden."""
+    """Draw all robots in some pixels, strip by strip from near to far, until all remaining ones must be hidden."""
     scene = swarm.scene[0]
     view = view_between(camera, eye, picture.rays, left, right, scene.largest_cm)
     strips = make_strips(view, scene)
@@ -369,7 +369,7 @@ def mirrored_in(wall: int, eye: Eye, scene: Any) -> Eye:
 
 @jit_inline
 def begin_image(wall: int, walls: WallsInView, camera: Any, picture: Picture, image: Picture) -> bool:
-    """Empty the picture of the camera's mirror image, right to left; return whether any pixel may show something."""
+    """Clear the mirrored camera's picture, with left and right exchanged; return whether any pixel may show a ring."""
     last = len(picture.row) - 1
     any_open = False
     for pixel in range(camera.first, camera.end):
@@ -386,7 +386,7 @@ def begin_image(wall: int, walls: WallsInView, camera: Any, picture: Picture, im
 
 @jit_no_alloc
 def begin_pictures(block: ByteArray, number: int) -> None:
-    """Draw when the cameras of a group take their first pictures, which is in the first interval."""
+    """Draw the times, in the first interval, at which the cameras of a group take their first pictures."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
     for member in range(group.count):
@@ -397,7 +397,7 @@ def begin_pictures(block: ByteArray, number: int) -> None:
 
 @jit_no_alloc
 def take_pictures(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
-    """Take what is in view as the pictures of this control step, and deliver those that arrive; it follows `look`."""
+    """Take the pictures that are due from what is in view, and deliver those that arrive; call it after `look`."""
     swarm = swarm_at(block)
     group, step = swarm.groups[number], swarm.scene[0].step
     interval, latency = group.camera.interval, group.camera.latency

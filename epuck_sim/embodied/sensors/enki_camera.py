@@ -1,8 +1,8 @@
 """Enki's camera (thesis 3.1.4.3; Magnenat et al. 2007, `CircularCam`).
 
-A disc covers the arc that its radius does at the distance of its centre, atan(radius / distance) to either side, and
-hides what is covered by discs whose centres are farther. A robot is seen if any part of its arc is in view and not
-hidden, and if its centre is within the range and its radius. Pixels are as narrow as can be: Enki's are 60.
+A disc covers an arc of atan(radius / distance) to either side of its centre, and hides the same part of the arcs of
+discs whose centres are farther. A robot is seen if any part of its arc is in view and not hidden, and if its centre is
+within the range plus its radius. Pixels are infinitely narrow here; Enki has 60.
 """
 
 import math
@@ -51,7 +51,7 @@ def shows(swarm: Swarm, cone: Any, receiver: int, sender: int) -> bool:
 def _is_covered(swarm: Swarm, look: _Look, radius: float, low: float, high: float) -> bool:
     """Return whether all between two angles, rad from the direction of the look, is hidden."""
     end_x, end_y = look.x + look.dx, look.y + look.dy
-    reach = 2.0 * swarm.scene[0].largest_cm  # what covers anything reaches into the strip that the disc casts
+    reach = 2.0 * swarm.scene[0].largest_cm  # whatever hides a part reaches into the strip between camera and disc
     first, last = rows_along(look.y, end_y, reach, swarm.scene[0])
     covered = low  # up to this angle
     while covered < high:
@@ -74,7 +74,7 @@ def _is_covered(swarm: Swarm, look: _Look, radius: float, low: float, high: floa
 
 @jit_inline
 def _behind_disc(look: _Look, radius: float, x: float, y: float, other: float, covered: float) -> float:
-    """Return up to where an arc, of a disc of this radius, is covered when another disc is counted, too."""
+    """Return the angle up to which an arc, of a disc of this radius, is covered when another disc is added."""
     fx, fy = x - look.x, y - look.y
     square, distance = fx * fx + fy * fy, math.sqrt(look.square)
     aside = (look.dx * fy - look.dy * fx) / distance if distance > 0.0 else math.inf
@@ -87,7 +87,7 @@ def _behind_disc(look: _Look, radius: float, x: float, y: float, other: float, c
 
 @jit_inline
 def _behind_edge(look: _Look, edge: Any, covered: float) -> float:
-    """Return up to where an arc is covered when that part of an edge is counted, too, which is nearer than its disc."""
+    """Return the angle up to which an arc is covered when the part of an edge nearer than the arc's disc is added."""
     ax, ay, ex, ey = edge.ax - look.x, edge.ay - look.y, edge.bx - edge.ax, edge.by - edge.ay
     length, along = ex * ex + ey * ey, ax * ex + ay * ey
     root = along * along - length * (ax * ax + ay * ay - look.square)
@@ -112,5 +112,5 @@ def _angle_to(look: _Look, x: float, y: float) -> float:
 
 @jit_inline
 def _extended(covered: float, low: float, high: float) -> float:
-    """Return up to where an arc is covered with what is between two angles."""
+    """Return the angle up to which an arc is covered when the part between two angles is added."""
     return high if low <= covered < high else covered

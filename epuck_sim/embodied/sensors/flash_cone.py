@@ -21,7 +21,7 @@ _FULL_CIRCLE_COS = -2.0  # stands for the cosine of half the angle of a full cir
 
 
 def set_cone(record: Any, section: SectorSection, forward_cm: float) -> None:
-    """Set CONE of a group, where flashes, or pulses, reach its robots; forward_cm: of a camera ahead of the centre."""
+    """Set CONE of a group: where flashes or pulses reach its robots; forward_cm: how far its camera is ahead."""
     record.range_cm = math.inf if section.range_cm is None else section.range_cm
     full, half = section.angle_deg == 360, math.radians(section.angle_deg / 2)
     record.cos = _FULL_CIRCLE_COS if full else elementary.cos(half)

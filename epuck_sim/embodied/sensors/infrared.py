@@ -160,7 +160,7 @@ def _read(sensors: Any, robot: Any) -> None:
 
 @jit_inline
 def read_nothing(sensed: Any, first: int = 0) -> None:
-    """Have a robot's sensors from a number on read 0, and no distance."""
+    """Set the readings of a robot's sensors from number `first` on to 0, and their distances to none."""
     for sensor in range(first, SENSORS):
         sensed.infrared[sensor] = 0.0
         sensed.distance_mm[sensor] = _NOTHING_MM

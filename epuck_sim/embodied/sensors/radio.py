@@ -74,7 +74,7 @@ def _take_from_air(swarm: Swarm, group: Any, senders: int, number: int, pulses: 
 
 
 def forget_signals(swarm: Swarm, robot: int) -> None:
-    """Have neither a picture nor a pulse be on its way to a robot; its camera goes on at its instants."""
+    """Discard the picture and the pulses on their way to a robot; its camera keeps its instants."""
     swarm.robots[robot].picture_arrives = NEVER
     group = swarm.groups[group_of(swarm, robot)]
     first = group.radio.first + robot - group.first
