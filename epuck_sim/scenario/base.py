@@ -1,7 +1,7 @@
-"""The base of all sections of a scenario, the kinds of numbers in them, and what is said of values that they refuse.
+"""The base of all sections of a scenario, the kinds of numbers in them, and messages about values that they refuse.
 
-Throughout `scenario`, an `origin` begins every line of an error message, and files are looked for in a `folder` first,
-that of the scenario's file, and then in the working directory.
+Throughout `scenario`, every line of an error message begins with an `origin`, and files are looked for first in a
+`folder`, that of the scenario's file, and then in the working directory.
 """
 
 import re
@@ -38,13 +38,13 @@ def check_range(key: str, value: float | None, least: float, most: float, why: s
 class ConfigModel(BaseModel):
     """A section of a scenario: it has no unknown keys and no NaN, and cannot be changed.
 
-    Defaults that are sections are made by `model_construct`, which needs no validator of each beside the scenario's.
+    Defaults that are sections are made by `model_construct`: so only the scenario's validator has to be built.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     later_keys: ClassVar[tuple[str, ...]] = ()
-    """Keys that came later; seeds of resamples leave out their defaults, so that earlier folders keep their numbers."""
+    """Keys added later; seeds of resamples leave them out at their defaults, so that old folders keep their numbers."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -52,15 +52,15 @@ class ConfigModel(BaseModel):
         return self
 
     def _check_together(self) -> None:
-        """Raise ValueError if values, each of which is allowed, do not go together."""
+        """Raise ValueError if values that are allowed one by one do not go together."""
 
     @classmethod
     def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:  # noqa: ARG003
-        """Return the keys that files, which these values name, give to fields of the section: names of parameters."""
+        """Return the keys (names of parameters) that files named by these values add, by field of the section."""
         return {}
 
     def later_defaults(self) -> dict[str, Any]:
-        """Return the later keys that have their defaults, of all sections in this one, as pydantic's `exclude`."""
+        """Return the `later_keys` at their defaults, of this section and of those in it, as pydantic's `exclude`."""
         found: dict[str, Any] = {}
         for key, field in type(self).model_fields.items():
             value = getattr(self, key)
@@ -79,14 +79,14 @@ def _later_defaults_in(value: object) -> dict[str, Any] | dict[int, Any]:
 
 @contextmanager
 def refused_at(origin: str) -> Iterator[None]:
-    """Raise what refuses a value in this block as a ScenarioError that begins with `origin`."""
+    """Turn an EpuckSimError or ValueError of the block into a ScenarioError that begins with `origin`."""
     try:
         yield
     except (EpuckSimError, ValueError) as error:
         raise ScenarioError(f"{origin}: {error}") from error
 
 
-TAGS = ("kind", "shape")  # keys whose value names the class of a section that is one of several
+TAGS = ("kind", "shape")  # keys whose value selects one of several classes of a section
 
 ALLOWED = {
     "bool_parsing": "true or false",
@@ -128,7 +128,7 @@ def section_classes(annotation: Any) -> list[type[ConfigModel]]:
 
 
 def tagged(section: type[ConfigModel]) -> tuple[str, tuple[str, ...]]:
-    """Return the key of a section whose value names its class, and the values that do; "" and none if it has none."""
+    """Return the key whose value selects this class of section, and the values that do; "" and none without a key."""
     for tag in TAGS:
         if tag in section.model_fields and (values := get_args(section.model_fields[tag].annotation)):
             return tag, values
@@ -193,9 +193,9 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
 def problems_in(
     kind: type[ConfigModel], error: ValidationError, keys: Sequence[str] = (), owners: Mapping[str, str] | None = None
 ) -> Iterator[tuple[str, str]]:
-    """Yield the dotted key of all that is wrong in a section of class `kind`, and what is said of it.
+    """Yield the dotted key and the message of each error in a section of class `kind`.
 
-    An unknown key may have been meant to be one of `keys`, or be one of those that another model owns alone.
+    An unknown key may be meant as one of `keys`, or belong to another model: `owners` has models by key.
     """
     for detail in error.errors():
         given, wrong, context = detail["input"], detail["type"], detail.get("ctx", {})
@@ -226,14 +226,14 @@ def problems_in(
 def _place(
     location: Sequence[str], kind: type[ConfigModel]
 ) -> tuple[list[str], list[type[ConfigModel]], list[type[ConfigModel]]]:
-    """Return the path of an error, the class of the section around it, and the classes that a section on it may have.
+    """Return the path of an error, the class of the section around it, and the classes of a section on it with a tag.
 
     Pydantic's location also has the tag of each section that may be of several classes.
     """
     path: list[str] = []
     here, around, several = [kind], [kind], list[type[ConfigModel]]()
     for part in location:
-        if re.fullmatch(r"(literal|function-\w+)\[.*\]", part):  # how pydantic names a type of several
+        if re.fullmatch(r"(literal|function-\w+)\[.*\]", part):  # pydantic's name of a type in a union
             continue
         if len(here) > 1 and (chosen := [each for each in here if part in tagged(each)[1]]):
             here = chosen

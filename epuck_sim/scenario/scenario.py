@@ -1,6 +1,6 @@
-"""The scenario: what those of all models have in common. Validated and immutable.
+"""The scenario, validated and immutable: the part that is common to all models.
 
-That is when a trial ends, and what is measured in it.
+It says when a trial ends, and which measures a trial has.
 """
 
 import operator
@@ -91,13 +91,13 @@ class StopSection(ConfigModel):
 AS = "as"
 """Key among a measure's parameters that names its value, so that a scenario may have one measure several times."""
 
-ORDER_PARAMETER = "order_parameter"  # name of the measure that conditions may be on in every trial
+ORDER_PARAMETER = "order_parameter"  # name of the measure that every trial has, for conditions
 
 ONE_MEASURE = "a measure's name, or a mapping of one name to its parameters"
 
 
 class MeasureSection(ConfigModel):
-    """A measure: its name, or a mapping of that to its parameters, and to `as`; written as the latter."""
+    """A measure: its name, or a mapping of its name to its parameters and `as`; always written as a mapping."""
 
     measure: str
     """Name of a shipped or installed measure, or FILE.py:NAME."""
@@ -142,7 +142,7 @@ class MeasureSection(ConfigModel):
 
 
 def _parameters_of_measures(measures: Any, folder: Path | None) -> Iterator[str]:
-    """Yield the dotted keys of parameters of measures, as a scenario lists these; what is refused later has none."""
+    """Yield the dotted keys of parameters of the measures that a scenario lists, except invalid ones, refused later."""
     for number, each in enumerate(measures if isinstance(measures, list | tuple) else ()):
         with suppress(EpuckSimError, ValueError):
             measure = MeasureSection.model_validate(each).find(folder)
@@ -150,9 +150,9 @@ def _parameters_of_measures(measures: Any, folder: Path | None) -> Iterator[str]
 
 
 def check_condition(name: str, measures: Mapping[str, Measure], event_method: str, origin: str) -> None:
-    """Raise ScenarioError unless a measure that a condition is on can be looked at while a trial runs.
+    """Raise ScenarioError unless the measure of a condition has a value while a trial runs.
 
-    The order parameter can, whether it is among the measures or not: every trial measures it.
+    The order parameter has one, whether it is among the measures or not: every trial measures it.
     """
     if name == ORDER_PARAMETER and name not in measures:
         return
@@ -199,9 +199,9 @@ class Scenario(ConfigModel):
 
     @classmethod
     def all_keys(cls, given: Mapping[str, Any], folder: Path | None = None) -> list[str]:
-        """Return every dotted key that may be typed of a scenario, those first on which trials depend.
+        """Return every dotted key of a scenario that may be typed; those on which trials depend come first.
 
-        Keys of sections are among them, those of `sweep` are not; of measures it is their parameters.
+        They include keys in sections, but not those of `sweep`; of measures, only parameters.
         """
         sections = {key: key.partition(".")[0] for key in keys_of(cls, given, folder)}
         typed = [key for key, section in sections.items() if section not in ("sweep", "measures")]
@@ -210,7 +210,7 @@ class Scenario(ConfigModel):
 
     @classmethod
     def validated(cls, given: Mapping[str, Any], origin: str) -> Self:
-        """Return the scenario with these keys; each line of what refuses them begins with `origin`."""
+        """Return the scenario with these keys; if they are refused, each line of the message begins with `origin`."""
         try:
             return cls.model_validate(given)
         except ValidationError as error:
@@ -248,7 +248,7 @@ class Scenario(ConfigModel):
     def conditions(self) -> dict[str, tuple[Condition, int | None]]:
         """Conditions that trials wait for, by their dotted keys: that of their end, and those of a schedule.
 
-        With each, the firings of the reference in a row at which it must hold; None: wherever the measure is told.
+        With each, the number of firings of the reference in a row at which it must hold; None: once, at any time.
         """
         schedule = enumerate(getattr(self, "schedule", ()))
         awaited = {condition_key(number): (entry.when, entry.for_cycles) for number, entry in schedule if entry.when}
@@ -256,7 +256,7 @@ class Scenario(ConfigModel):
 
     @property
     def has_events(self) -> bool:
-        """Whether anything may change in its trials that they list among their events: it has faults or a schedule."""
+        """Whether its trials may have events: it has faults or a schedule."""
         return any(getattr(self, key, ()) for key in ("faults", "schedule"))
 
     @property
@@ -283,7 +283,7 @@ class Scenario(ConfigModel):
         return ()
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
-        """Return the scenario with everything filled in that lies in other files."""
+        """Return the scenario with all that lies in other files filled in."""
         found: dict[str, Measure] = {}
         sections: list[MeasureSection] = []
         for number, section in enumerate(self.measures):
@@ -291,7 +291,7 @@ class Scenario(ConfigModel):
                 measure = section.find(folder)
                 measure.check_model(self.model, self.event_method)
                 parameters = measure.resolve(section.parameters)
-                if self.sweep is None:  # else its points are checked, which may differ in what matters
+                if self.sweep is None:  # else each point is checked, as points may differ
                     measure.check_scenario(self, parameters)
                 if measure.name in found:
                     said = f"{measure.name} is the name of two measures; give one of them another, such as"
