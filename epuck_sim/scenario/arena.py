@@ -66,7 +66,7 @@ class Movable(Circle):
     mass_kg: Positive
     """Mass."""
     friction: Annotated[Number, Field(ge=0, le=10)]
-    """Coefficient of friction between it and the floor: what it takes to move it is this times its weight."""
+    """Coefficient of friction with the floor: moving it takes a force of this times its weight."""
 
 
 class Patch(ConfigModel):

@@ -16,7 +16,7 @@ from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_rang
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
-LOG_RATIO = 10.0  # ratio of the largest to the smallest value from which an axis has a logarithmic scale
+LOG_RATIO = 10.0  # least ratio of the largest to the smallest value of an axis with a logarithmic scale
 
 Rows = Sequence[Mapping[str, Any]]  # axis values of each point of a sweep, by dotted key
 
@@ -38,7 +38,7 @@ class FigureSection(ConfigModel):
     censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
     base_case: dict[str, Any] = Field(default_factory=dict)
-    """Values of axes, by dotted key, of the curve that is dashed because it is the base case."""
+    """Values of axes, by dotted key, of the base case, whose curve is dashed."""
     title: str = ""
     """Title; by default there is none, as a caption beside the figure says what was run."""
     labels: dict[str, str] = Field(default_factory=dict)
@@ -48,7 +48,7 @@ class FigureSection(ConfigModel):
     points: bool = False
     """Whether each trial is a dot, in curves and violins."""
     theory: bool = False
-    """Whether what `predict` says is dashed under curves of T_sync against speed."""
+    """Whether the prediction of `predict` is drawn, dashed, under curves of T_sync against speed."""
     width_cm: Annotated[Number, Field(ge=5, le=100)] | None = None
     """Width; by default that of a column, or of a page for several panels."""
     font_pt: Annotated[Number, Field(ge=4, le=30)] = 8.0
@@ -68,7 +68,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
     """Choose the axis to draw against: the requested one, or a speed, or the one with the most distinct numbers.
 
     A speed with a single value is chosen only where every axis has a single value. `origin` is the option or key that
-    requests one. With `by_name`, it may have other values than numbers.
+    requests an axis. With `by_name`, its values need not be numbers.
     """
     numbers = numeric_axes(rows)
     if by_name and (requested is not None or not numbers):
@@ -105,7 +105,7 @@ def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels
 
 
 def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
-    """Check that what a scenario's section `figure` names are axes of its sweep."""
+    """Check that all keys that a scenario's section `figure` names are axes of its sweep."""
     if figure.x is None and figure.y is None and figure.panels is None and not figure.base_case:
         return
     x = choose_axis(rows, figure.x, "figure.x", by_name=figure.form == "violins")
@@ -122,7 +122,7 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
 
 
 def check_labels(labels: Collection[str], axes: Collection[str], measures: Iterable[str], origin: str) -> None:
-    """Raise EpuckSimError for a label of what is neither an axis, T_sync nor a measure, by name."""
+    """Raise EpuckSimError for a label whose key is not an axis, T_sync or the name of a measure."""
     known = [*axes, "T_sync", *measures]
     for key in labels:
         if key not in known:
@@ -147,7 +147,7 @@ def group_rows(rows: Rows, *axes: str) -> list[tuple[dict[str, Any], list[int]]]
 
 
 def numeric_axes(rows: Rows) -> dict[str, set[Any]]:
-    """Return the distinct values of each axis all of whose values are numbers."""
+    """Return the distinct values of each axis that has only numbers."""
     columns = {key: [row[key] for row in rows] for key in rows[0]}
     return {key: set(values) for key, values in columns.items() if {*map(type, values)} <= {int, float}}
 
@@ -169,7 +169,7 @@ def distinguishing_axes(rows: Rows) -> list[dict[str, Any]]:
 
 
 def _untied(keys: Iterable[str], rows: Rows, *before: str) -> list[str]:
-    """Return the axes with several values that are not tied one-to-one to one before them, or among `before`."""
+    """Return the axes with several values that are not tied one-to-one to an earlier one, or to one of `before`."""
     kept: list[str] = []
     for key in keys:
         differs = len({repr(row[key]) for row in rows}) > 1
@@ -205,10 +205,10 @@ NO_AXES = ("sweep", "seed", "trials", "trial_timeout_s", "name", "description", 
 
 
 def with_ranges(key: str, values: Any) -> Any:
-    """Return the values of an axis with those of ranges instead of each range.
+    """Return the values of an axis, with each range replaced by its values.
 
-    The values of a range are even in the logarithm where figures would draw them so, unless it says otherwise. They
-    have six digits, and are rounded for `COUNTS`; its ends are as they are given.
+    The values of a range are evenly spaced, on the scale that figures would use unless the range names one. They have
+    six digits, and are whole for `COUNTS`; the ends stay as they are given.
 
     >>> with_ranges("agents.speed_cm_s", "0.1:10:3"), with_ranges("agents.count", [2, "1:10:4"])
     ([0.1, 1.0, 10.0], [2, 1, 2, 5, 10])
@@ -238,7 +238,7 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     if key.rpartition(".")[2] in COUNTS:
         inner = np.round(inner)
     if not is_log:
-        inner[np.abs(inner) < 1e-9 * (last - first)] = 0  # which a rounding has missed
+        inner[np.abs(inner) < 1e-9 * (last - first)] = 0  # 0 but for rounding
     values = [first, *(float(f"{value:.6g}") for value in inner), last]
     if (different := len({*values})) < number:
         allowed = "fewer, or with :lin" if is_log else "fewer"
@@ -258,8 +258,8 @@ class SweepAxes(ConfigModel):
     zip: dict[str, Values] = Field(default_factory=dict)
     """Keys whose values go together: the first of each, the second of each, and so on."""
     grid: dict[str, Values] = Field(default_factory=dict)
-    """Keys whose values are combined in every way; the last key changes fastest. A range, `0.05:12.8:20`, stands for so
-    many values from the first number to the second."""
+    """Keys whose values are combined in every way; the last key changes fastest. A range, `0.05:12.8:20`, stands for 20
+    values from the first number to the second."""
 
     @model_validator(mode="before")
     @classmethod

@@ -22,8 +22,8 @@ FAULTS = {
     "restart": "phase",
     "sensor_dead": "sensor",
 }
-"""The reading, the actuator or the clock that a fault changes, by its kind: `flashes` are what brings these to a robot,
-its camera or its ideal sensor, and a `phase` is that of an oscillator."""
+"""The reading, actuator or clock that a fault changes, by its kind: `flashes` stands for a robot's camera or ideal
+sensor, `phase` for the phase of its oscillator."""
 
 
 def _each_once(numbers: tuple[int, ...]) -> tuple[int, ...]:
@@ -50,9 +50,9 @@ class FaultSection(ConfigModel):
     count: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Number of robots that may have it, drawn at random in each trial, instead of `robots`."""
     at_s: Annotated[Number, Field(ge=0, le=1e9)] | None = None
-    """Time at which it begins; with `per_hour`, from which it may. 0 by default."""
+    """Time at which it begins; with `per_hour`, the earliest such time. 0 by default."""
     until_s: Annotated[Number, Field(gt=0, le=1e9)] | None = None
-    """Time at which it ends; with `per_hour`, it begins no more, too. Never by default."""
+    """Time at which it ends; with `per_hour`, it does not begin again after that. Never by default."""
     per_hour: Annotated[Number, Field(gt=0, le=360_000)] | None = None
     """Mean number of times that it begins in an hour without it, in each robot at times of its own."""
     mean_s: Positive | None = None
@@ -114,9 +114,9 @@ class CameraMisses(FaultSection):
     missed: Annotated[Number, Field(gt=0, le=1)]
     """Probability with which a flash is missed, drawn for each flash, sender and receiver."""
     nearer_than_cm: Positive | None = None
-    """Only flashes of robots nearer than this, from centre to centre, are missed, or of those `farther_than_cm`."""
+    """Only flashes of robots nearer than this, from centre to centre, or `farther_than_cm` if given, are missed."""
     farther_than_cm: Positive | None = None
-    """Only flashes of robots farther than this are missed, or of those `nearer_than_cm`."""
+    """Only flashes of robots farther than this, or `nearer_than_cm` if given, are missed."""
 
 
 class SensorDead(FaultSection):
@@ -144,7 +144,7 @@ AnyFault = Annotated[
 
 
 def concerns(whom: Sequence[int] | None, robots: range) -> bool:
-    """Return whether any robot of these numbers is among those that are named; None names all."""
+    """Return whether any of these robots is among those that `whom` names; None names all."""
     return whom is None or any(robot in robots for robot in whom)
 
 
@@ -153,7 +153,7 @@ class TrialEvent(NamedTuple):
 
     step: int  # the first control step in which the change acts; of point agents, the first instant of firings
     time_s: float  # time of that step; of point agents, of the change
-    source: str  # place in the scenario of which it came: `schedule.NUMBER`, or `faults.NUMBER`
+    source: str  # its place in the scenario: `schedule.NUMBER`, or `faults.NUMBER`
     what: str  # what changed, in words
     robots: tuple[int, ...] = ()  # numbers of the robots in which a fault began or ended; none for a schedule
 
@@ -188,7 +188,7 @@ class RobotDisplacement(Displacement):
 class ScheduleEntry(ConfigModel):
     """Changes at one moment; they are made once."""
 
-    changing: ClassVar[tuple[str, ...]] = ("set", "displace")  # keys of what changes
+    changing: ClassVar[tuple[str, ...]] = ("set", "displace")  # keys that hold changes
     settable: ClassVar[re.Pattern[str]]  # dotted keys that may be set
     in_short: ClassVar[str]  # what may change, for messages
 
@@ -199,8 +199,8 @@ class ScheduleEntry(ConfigModel):
     when: Condition | None = None
     """A condition on a measure, such as `order_parameter >= 0.95`."""
     for_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
-    """With `when`, number of firings of the reference in a row at which it must hold; by default it is enough that it
-    holds once, where the measure is told of a step, an event or a firing."""
+    """With `when`, number of firings of the reference in a row at which the condition must hold; by default it need
+    hold only once, at any step, event or firing of which the measure is told."""
     set: dict[str, Any] = Field(default_factory=dict)
     """New values by dotted key."""
     displace: Displacement | None = None
@@ -251,7 +251,7 @@ class TimedEntries(Generic[_Moment]):
     next: _Moment  # when the next of them is carried out; `never` after the last
 
     def __init__(self, schedule: Sequence[ScheduleEntry], moment: Callable[[float], _Moment], never: _Moment) -> None:
-        """Begin with the first, by the moments of times in s; `never` is later than any of them."""
+        """Begin with the first; `moment` returns the moment of a time in s, and `never` is later than any moment."""
         timed = [(moment(entry.at_s), number) for number, entry in enumerate(schedule) if entry.at_s is not None]
         self._moments = [*sorted(timed), (never, -1)]
         self.restart()
@@ -327,7 +327,7 @@ class RobotScheduleEntry(ScheduleEntry):
         return {**super().numbers(), "remove": self.remove, "add": self.add}
 
     def parameters(self) -> dict[tuple[int, str | None], dict[str, Any]]:
-        """Return new values of parameters by name, for each group by its number, and sensor; None is the controller."""
+        """Return new values of parameters by name, for each group number and sensor; None is the controller."""
         found: dict[tuple[int, str | None], dict[str, Any]] = {}
         for key, value in self.set.items():
             if match := _PARAMETER.fullmatch(key):
