@@ -58,7 +58,7 @@ class TimingSection(ConfigModel):
 
 
 def noise_keys(given: Any) -> Any:
-    """Return the keys that `noise: off`, or `on`, stands for; what is neither as it is."""
+    """Return the keys that `noise: off` or `on` stands for; any other value stays as it is."""
     if given in ("off", "OFF", "Off", False):
         return {"wheel_speed": 0, "infrared_counts": 0}
     return {} if given in ("on", "ON", "On", True) else given
@@ -105,10 +105,10 @@ ROBOT_BYTES, GROUP_BYTES, PIXEL_BYTES = 4800, 15_000, 8
 measured with 10,000 to 100,000 robots and with 4,000 to 20,000 groups."""
 
 OF_PRESENT = ("order_parameter", "threshold_cycles", "stays_above", "below_threshold", "moved")
-"""Shipped measures that count those robots alone that are in the arena."""
+"""Shipped measures that count only the robots in the arena."""
 
 UNLIMITED_S = 600.0
-"""Time in s after which a trial ends whose reference is no oscillator, and that has no limit of its own."""
+"""Time limit in s, from its last change on, of a trial without a limit of its own whose reference is no oscillator."""
 
 
 class EmbodiedStop(StopSection):
@@ -128,7 +128,7 @@ class EmbodiedStop(StopSection):
             raise ValueError(f"further_cycles is {self.further_cycles}; allowed: 0 where order_parameter is null")
 
     def limited(self, changes_until_s: float) -> "EmbodiedStop":
-        """Return the section of trials without T_sync, whose last change is at a time: with a limit if it has none."""
+        """Return the section for trials without T_sync: with a time limit after the last change if it has no limit."""
         if self.when is not None or self.max_time_s is not None or "max_cycles" in self.model_fields_set:
             return self
         values: dict[str, Any] = {**dict(self), "max_time_s": changes_until_s + UNLIMITED_S}
@@ -369,7 +369,7 @@ class EmbodiedScenario(Scenario):
                     resolve_parameters(find_controller(group.controller), present[place], self.timing.step_ms, where)
 
     def _check_measures(self, origin: str) -> None:
-        """Raise ScenarioError for shipped measures that take all robots to be in the arena throughout a trial."""
+        """Raise ScenarioError for shipped measures that assume that all robots stay in the arena throughout a trial."""
         for number, section in enumerate(self.measures):
             if not section.find().sources and section.measure not in OF_PRESENT:
                 raise ScenarioError(
@@ -378,10 +378,10 @@ class EmbodiedScenario(Scenario):
                 )
 
     def _check_arenas(self, origin: str) -> None:
-        """Raise ScenarioError for an arena that an entry of the schedule makes and that is not allowed.
+        """Raise ScenarioError if an entry of the schedule makes an arena that is not allowed.
 
-        All entries that change the arena set the same keys, so that each makes an arena that is known beforehand,
-        whatever entries come before it. A picture of a floor is stretched between walls that do not move.
+        All entries that change the arena must set the same keys. So the arena after each is known beforehand, whatever
+        entries come before it. A picture of a floor is stretched between walls that do not move.
         """
         entries = arena_entries(self)
         for number in entries:
@@ -407,11 +407,11 @@ class EmbodiedScenario(Scenario):
         return find_controller(group.controller).is_oscillator
 
 
-STAYING = {"movables", "floor", "lamps"}  # keys of the arena that stay as they are where walls and obstacles change
+STAYING = {"movables", "floor", "lamps"}  # keys of the arena that no schedule changes
 
 
 def arena_after(scenario: EmbodiedScenario, entry: int) -> ArenaSection:
-    """Return the arena after an entry of the schedule; its movables are given where they begin."""
+    """Return the arena after an entry of the schedule, with its movables at their initial places."""
     given = {**scenario.arena.model_dump(exclude=STAYING), **scenario.schedule[entry].arena_values()}
     stays = {key: getattr(scenario.arena, key) for key in STAYING}
     return ArenaSection.model_validate(given).model_copy(update=stays)

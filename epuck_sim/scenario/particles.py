@@ -38,7 +38,7 @@ LIMITS = {"dissipation": (1e-3, 100.0), "knee": (0.0, 1.0), "early_slope": (-100
 """Least and greatest value of the shipped curves' parameters."""
 
 UP_TO_1 = ("sawtooth", "sine", "additive", "mirollo_strogatz")
-"""Curves whose coupling is at most 1 (thesis 5.1.1; that of the last two is a part of the way to the threshold)."""
+"""Curves whose coupling is at most 1 (thesis 5.1.1; for the last two it is a share of the way to the threshold)."""
 
 TRIED_PHASES = 100  # number of steps from phase 0 to 1 in which a user's curve is tried when a scenario is read
 
@@ -151,7 +151,7 @@ _NEEDS = {
     "lognormal": {"speed_spread": "above 0 and up to 2"},
     "two_speeds": {"fast_share": "above 0 and below 1", "fast_ratio": "above 1 and up to 1000"},
 }
-"""The keys that kinds of walks and distributions of speeds need, and what they may be; none takes others of them."""
+"""Keys that kinds of walks and distributions of speeds need, and their allowed values; other keys here are refused."""
 
 
 def _check_needs(section: ConfigModel, tag: str, *keys: str) -> None:
@@ -167,7 +167,7 @@ def _check_needs(section: ConfigModel, tag: str, *keys: str) -> None:
 class WalkSection(ConfigModel):
     """How agents move between walls: straight ahead, or in straight runs with a turn at the end of each.
 
-    A wall ends no run: what is left of it goes on behind the wall.
+    A wall does not end a run: the rest of it continues after the wall.
     """
 
     kind: Literal["straight", "brownian", "correlated", "levy"] = "straight"
@@ -178,8 +178,8 @@ class WalkSection(ConfigModel):
     persistence: Annotated[Number, Field(ge=0, le=1)] | None = None
     """Mean cosine g of the turns of a `correlated` walk; 0 makes it `brownian`, 1 never turns."""
     exponent: Annotated[Number, Field(gt=1, le=3)] | None = None
-    """Exponent mu of a `levy` walk: the density of durations falls as their power of -mu, the share of longer ones as
-    that of 1 - mu."""
+    """Exponent mu of a `levy` walk: the density of durations t falls as t^-mu, and the share of longer ones as
+    t^(1 - mu)."""
 
     def _check_together(self) -> None:
         _check_needs(self, "kind", "run_s", "persistence", "exponent")
@@ -397,7 +397,7 @@ class ParticleScenario(Scenario):
         check_numbers("schedule", self.schedule, self.agents.count)
 
     def check_twin(self) -> None:
-        """Raise ScenarioError for a schedule whose moments are others in a twin of a trial."""
+        """Raise ScenarioError for a schedule whose entries may act at other moments in a twin of a trial."""
         if any(entry.at_s is None for entry in self.schedule):
             raise ScenarioError("a trial and its twin change alike at times alone; give at_s in the schedule")
 
@@ -437,7 +437,7 @@ class ParticleScenario(Scenario):
         if response is not self.response:  # a copy takes a tenth of the time of a short trial
             found = found.model_copy(update={"response": response})
         if not {"response", "response.curve", "neighbourhood", "neighbourhood.kind"} & swept:
-            # no entry can make a value wrong that another one sets: each key is checked by what stays as it is
+            # entries are checked one by one: whether a key's value is allowed depends only on keys that never change
             for number, entry in enumerate(found.schedule):
                 if entry.set:
                     found.with_set(entry.set, f"{origin}: schedule.{number}.set")
