@@ -1,4 +1,4 @@
-"""Keys of a scenario as people type them, dotted, whole or their endings; and new values of them."""
+"""Dotted keys of a scenario as people type them, whole or only their endings; and new values for them."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -18,9 +18,9 @@ from epuck_sim.util.messages import short_repr
 
 
 def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
-    """Return the keys that a key, or an ending of one, stands for: one, or that of each group of robots; none is found.
+    """Return the keys that a key, or an ending of one, stands for: one, or one in each group of robots, or none.
 
-    Endings of keys on which trials depend are taken before those of sections as `overhead` and `figure`.
+    Keys on which trials depend take precedence over those of sections such as `overhead` and `figure`.
     """
     if ending in keys:
         return [ending]
@@ -32,9 +32,9 @@ def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
 
 
 def axis_key(typed: str, rows: Rows, where: str) -> str:
-    """Return the axis of a sweep that a key, or an ending of one, stands for; itself if there is none.
+    """Return the axis of a sweep that a key, or an ending of one, stands for; `typed` itself if there is none.
 
-    Of groups of robots it is the first one's, if all have the same value at each point.
+    If several groups of robots have such an axis, with equal values at each point, it is that of the first group.
     """
     found = full_keys(typed, [*rows[0]], where) or [typed]
     if len(found) > 1 and any(row[key] != row[found[0]] for row in rows for key in found):
@@ -91,7 +91,7 @@ def set_value(
 
 
 def _parameter_of_measure(given: Mapping[str, Any], key: str, folder: Path | None) -> list[str]:
-    """Return the parts of a key such as measures.0.mine.gap, whose measure is listed with a path; none for others."""
+    """Return the parts of a key such as measures.0.mine.gap, with the measure's name as listed; none for others."""
     found = re.fullmatch(r"measures\.(\d+)\.(.+)\.(\w+)", key)
     listed = given.get("measures")
     if found is None or not isinstance(listed, list | tuple) or int(found[1]) >= len(listed):
@@ -107,7 +107,7 @@ def _parameter_of_measure(given: Mapping[str, Any], key: str, folder: Path | Non
 
 
 def keys_of_measures(given: Mapping[str, Any], ending: str, folder: Path | None) -> list[str]:
-    """Return the keys that an ending stands for which names a measure, or its file, and a parameter, known or not."""
+    """Return the keys that an ending stands for if it names a measure, or its file, and a parameter, known or not."""
     listed = given.get("measures")
     numbers = range(len(listed)) if isinstance(listed, list | tuple) else ()
     keys = [f"measures.{number}.{ending}" for number in numbers]
@@ -115,16 +115,16 @@ def keys_of_measures(given: Mapping[str, Any], ending: str, folder: Path | None)
 
 
 def set_values(given: Mapping[str, Any], values: Mapping[str, Any], origin: str) -> dict[str, Any]:
-    """Return the mapping `given` with values at dotted keys: that of a whole section before that of a key inside it."""
+    """Return the mapping `given` with values at dotted keys; whole sections are set before keys inside them."""
     for key in sorted(values, key=lambda key: key.count(".")):
         given = set_value(given, key, values[key], origin)
     return dict(given)
 
 
 def _with(container: Any, parts: list[str], value: Any, origin: str, path: str = "") -> Any:
-    """Return `container`, which is at a path, with `value` at the path `parts` from there; missing sections are added.
+    """Return `container`, which is at `path`, with `value` at the path `parts` in it; missing sections are added.
 
-    What is given as a word, as kinds of robots and noise are, becomes the section for which it stands.
+    A word given for a section, such as a kind of robot or noise, becomes the section that it stands for.
     """
     if not parts:
         return value
@@ -188,8 +188,8 @@ def add_measures(
 ) -> dict[str, Any]:
     """Return the mapping `given` with more measures after those that it has; parameters of any can then be set.
 
-    A measure is its name, or as in a file: `coverage: {cells: 4}`. One that is there already is not added: a command
-    that was killed may be given again.
+    A measure is given by its name, or as in a file: `coverage: {cells: 4}`. One that is there already is not added, so
+    that a command that was killed can be repeated.
     """
     own = given.get("measures") or []
     if not isinstance(own, list | tuple):
@@ -212,7 +212,7 @@ def _contents(measure: Any, folder: Path | None) -> Any:
 
 
 def _includes(measure: Any, other: Any) -> bool:
-    """Return whether a measure, as in a file, is another one with its parameters, and perhaps further ones."""
+    """Return whether a measure, as in a file, is the same as another one and has at least its parameters."""
     if not (isinstance(measure, Mapping) and isinstance(other, Mapping)):
         return bool(measure == other)
     return all(name in measure and _includes(measure[name] or {}, given or {}) for name, given in other.items())
@@ -221,8 +221,8 @@ def _includes(measure: Any, other: Any) -> bool:
 def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any], option: str) -> dict[str, Any]:
     """Return a scenario's keys with one more axis in the grid of its sweep, whose values may be ranges.
 
-    Several keys have the same value at each point: they are rows of the sweep's `points`. An axis that is there is
-    replaced.
+    Several keys become rows of the sweep's `points`, with the same value at each point. An axis that is there already
+    is replaced.
     """
     sweep = given.get("sweep") or {}
     grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None

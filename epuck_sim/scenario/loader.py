@@ -1,7 +1,7 @@
 """Scenarios from YAML files: find the file, apply changes, validate, resolve, and write the scenario again.
 
-And the points of a sweep, each a scenario of its own, with the seed of each trial. A point is identified by its axis
-values, not by its number: points and trials that are added leave the seeds of the others as they were.
+Also the points of a sweep, each a scenario of its own, with the seed of each trial. A point is identified by its axis
+values, not by its number: adding points or trials does not change the seeds of the others.
 """
 
 import re
@@ -36,7 +36,7 @@ SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "part
 
 def validate(given: Mapping[str, Any], origin: str) -> Scenario:
     """Return the scenario, of the class that its key `model` names; each line of a refusal begins with `origin`."""
-    if r"\ud" in repr(given):  # as surrogates are written, which is found in a hundredth of the time of a look at all
+    if r"\ud" in repr(given):  # as surrogates are written; a hundred times as fast as a look at each text
         _reject_surrogates(given, origin)
     model = given.get("model", "embodied")
     if not isinstance(model, str) or model not in SCENARIO_TYPES:
@@ -126,7 +126,7 @@ def load_scenario(
         ScenarioError: The message names the file, the key, the value and what is allowed.
 
     Warns:
-        UserWarning: An ending stands for keys of several groups, or a controller lacks parameters of those before.
+        UserWarning: An ending stands for keys of several groups, or `controller` lacks parameters of those it replaces.
 
     >>> scenario = load_scenario("thesis", ["width_cm=100"])
     >>> scenario
@@ -152,7 +152,7 @@ def load_scenario(
         option = f"--set {setting}"
         typed, value = keys.parse_setting(setting)
         for key in _full_keys(given, typed, option, origin, folder, parsed):
-            if re.match(r"robots\.\d+\.sensors\.", key):  # which leads into a sensor that may be given in a list
+            if re.match(r"robots\.\d+\.sensors\.", key):  # a key in a sensor, and sensors may be given as a list
                 given = with_robots(given, origin, folder)
             given = keys.set_value(given, key, value, option, folder)
             changed.append(f"{key}={setting.partition('=')[2]}")
@@ -170,12 +170,12 @@ def load_scenario(
 
 
 def from_keys(given: Mapping[str, Any], origin: str, folder: Path | None = None) -> Scenario:
-    """Return the scenario that has some keys, with everything that lies in other files; see `load_scenario`."""
+    """Return the scenario with these keys, with all that lies in other files filled in; see `load_scenario`."""
     return complete(validate(with_robots(given, origin, folder), origin), origin, folder)
 
 
 def complete(scenario: AnyScenario, origin: str, folder: Path | None = None) -> AnyScenario:
-    """Return a scenario with everything filled in that lies in other files; what its schedule sets is checked."""
+    """Return a scenario with all that lies in other files filled in; values that its schedule sets are checked."""
     if scenario.sweep is not None:
 
         def find(key: str, name: str) -> str:
@@ -208,7 +208,7 @@ FILES: Mapping[str, Callable[[str, Path | None], str]] = {
     r"arena\.floor\.picture": find_picture,
     r"start\.like": find_like,
 }
-"""Finders of files that values on an axis name, by patterns of keys; each returns the name to find it again."""
+"""Functions that find the file named by a value on an axis, by patterns of keys; each returns the name to store."""
 
 
 def _finder(key: str) -> Callable[[str, Path | None], str] | None:
@@ -216,7 +216,7 @@ def _finder(key: str) -> Callable[[str, Path | None], str] | None:
 
 
 def _map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
-    """Return the value of an axis with `change(key, name)` instead of each file that it, or a key in it, names."""
+    """Return the value of an axis with each name of a file in it, at any depth, replaced by `change(key, name)`."""
     names_files = _finder(key) is not None
     if names_files and isinstance(value, str):
         return change(key, value)
@@ -230,7 +230,7 @@ def _map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
 
 
 def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -> AnyScenario:
-    """Return a scenario with new values of dotted keys, which its description tells."""
+    """Return a scenario with new values of dotted keys, and with a note of them in its description."""
     given = keys.set_values(scenario.model_dump(mode="json"), values, origin)
     changed = from_keys(keys.note_changes(given, [f"{key}={value}" for key, value in values.items()]), origin)
     assert isinstance(changed, type(scenario)), "model is no key of these"
@@ -245,7 +245,7 @@ def _full_keys(
     folder: Path | None,
     axes: Sequence[tuple[str, Sequence[Any]]] = (),
 ) -> list[str]:
-    """Return the keys of a scenario with further axes that a typed key stands for, see `keys.full_keys`; or itself."""
+    """Return the keys that a typed key stands for in a scenario with further axes, or itself; see `keys.full_keys`."""
     model = given.get("model", "embodied")
     kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
     if typed == "sensors" and are_groups(groups := given.get("robots") or ()) and len(groups) > 1:
@@ -261,15 +261,15 @@ def _full_keys(
     if found:
         return found
     if typed.startswith("sensors."):
-        return [f"robots.0.{typed}"]  # where it is refused with what the group has
-    from_keys(given, origin, folder)  # a file that is not there hides its parameters, and is refused first
+        return [f"robots.0.{typed}"]  # it is refused there, with the names of the group's sensors
+    from_keys(given, origin, folder)  # a missing file hides its parameters, and is refused first
     return [typed]
 
 
 def _with_controllers(
     given: Mapping[str, Any], axes: Iterable[tuple[Any, Sequence[Any]]]
 ) -> Iterator[Mapping[str, Any]]:
-    """Yield a scenario's keys, and the same with each controller that is a value of an axis in its place."""
+    """Yield a scenario's keys, and the same keys with each controller that is a value of an axis."""
     yield given
     groups = given.get("robots") or [{}]
     known = [f"robots.{number}.controller" for number in range(len(groups))] if are_groups(groups) else []
@@ -279,7 +279,7 @@ def _with_controllers(
 
 
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
-    """Raise ScenarioError for an axis in a file that is the ending of a key: only what is typed may be one."""
+    """Raise ScenarioError for an axis in a file that is the ending of a key: endings are for typing only."""
     for key, _ in _swept(given):
         found = _full_keys(given, str(key), f"{origin}: sweep", origin, folder)
         if found != [str(key)]:
@@ -287,7 +287,7 @@ def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) 
 
 
 def _swept(given: Mapping[str, Any]) -> Iterator[tuple[Any, Sequence[Any]]]:
-    """Yield the keys of a scenario's sweep as they are given, with values; what is no sweep is refused later."""
+    """Yield the keys of a scenario's sweep as they are given, with values; an invalid sweep is refused later."""
     sweep = given.get("sweep")
     parts = [sweep.get(name) for name in ("zip", "grid", "points")] if isinstance(sweep, Mapping) else []
     for row in (each for part in parts for each in (part if isinstance(part, list | tuple) else [part])):
@@ -296,7 +296,7 @@ def _swept(given: Mapping[str, Any]) -> Iterator[tuple[Any, Sequence[Any]]]:
 
 
 def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, Path | None]:
-    """Return the keys of a scenario, what messages about it begin with, and the folder of its file."""
+    """Return the keys of a scenario, the origin for messages about it, and the folder of its file."""
     if isinstance(source, Scenario):
         return source.model_dump(mode="json"), source.name, None
     if isinstance(source, Mapping):
@@ -312,7 +312,7 @@ def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, 
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as a file would have it, where a program gives numpy's numbers, or paths."""
+    """Return a value as a file would have it: numpy's numbers become plain numbers, and paths become text."""
     if isinstance(value, Mapping):
         return {key: _plain(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
@@ -323,7 +323,7 @@ def _plain(value: Any) -> Any:
 
 
 def _choose_version(given: Mapping[str, Any], origin: str, folder: Path | None, *, quick: bool) -> dict[str, Any]:
-    """Return a file's scenario in one of its versions; a quick one that is no scenario is refused in any case."""
+    """Return a file's scenario in one of its versions; an invalid quick version is refused in any case."""
     if quick:
         return keys.quick_version(given, origin)
     if given.get(keys.QUICK) is not None:
@@ -366,7 +366,7 @@ def load_of_model(
 
 
 def robots_like(name: str, origin: str) -> EmbodiedScenario:
-    """Return the scenario of robots of a name or file; of a sweep, what is swept is as it is without."""
+    """Return the scenario of robots with this name or file, without its sweep."""
     with refused_at(origin):
         scenario = require_model(load_scenario(name), EmbodiedScenario, "allowed: embodied", name)
     return scenario.model_copy(update={"sweep": None})
@@ -441,10 +441,10 @@ def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, 
 
 
 def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """Return the name of each controller, response curve and picture in the rows.
+    """Return the short name of each controller, response curve and picture in the rows.
 
-    That of a file has the folders which tell it from others. It does not depend on the folders that all files share,
-    so that a sweep can move to another machine.
+    The name of a file has only the folders that distinguish it from the others. It does not depend on the folders that
+    all files share, so that a sweep can move to another machine.
     """
     names: dict[str, str] = {}
     for row in rows:

@@ -60,7 +60,7 @@ def read_yaml(path: Path) -> Any:
 
 
 def line_of_key(path: Path, key: str) -> int:
-    """Return the line of a YAML file in which a dotted key stands, or the one above it that is there."""
+    """Return the line of a dotted key in a YAML file, or of the innermost section around it that is there."""
     node, line = yaml.compose(path.read_text(encoding="utf-8"), _Loader), 1
     for part in key.split("."):
         pairs = {pair[0].value: pair for pair in node.value} if isinstance(node, yaml.MappingNode) else {}
