@@ -58,12 +58,12 @@ def _from_list(each: Any) -> tuple[str, Any]:
 
 
 def are_groups(given: Any) -> bool:
-    """Return whether what is given as `robots` is a list of sections; else it is refused when it is validated."""
+    """Return whether the value of `robots` is a list of sections; any other value is refused at validation."""
     return isinstance(given, list | tuple) and all(isinstance(group, Mapping) for group in given)
 
 
 def check_readings(groups: Sequence[Mapping[str, Mapping[str, Any]]], origin: str) -> None:
-    """Raise ScenarioError if two sensors of a group tell readings of one name, or of two groups in different shapes."""
+    """Raise ScenarioError if a reading's name is used twice in a group, or with different shapes in two groups."""
     shapes: dict[str, tuple[int, tuple[int, ...]]] = {}
     for number, sensors in enumerate(groups):
         told: dict[str, str] = {}
@@ -82,7 +82,7 @@ def check_readings(groups: Sequence[Mapping[str, Mapping[str, Any]]], origin: st
 def sensor_parameters(
     sensors: Mapping[str, Mapping[str, Any]], name: str, values: Mapping[str, Any], origin: str
 ) -> dict[str, Value]:
-    """Return all parameters of one of a group's sensors, some of which have new values."""
+    """Return all parameters of one of a group's sensors, with new values for some."""
     if name not in sensors:
         known = comma_list(sensors)
         raise ScenarioError(f"{origin}: {did_you_mean(name, sensors)}; sensors in files of their own: {known}")
@@ -187,7 +187,7 @@ def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[
 
 
 def without_brought_sensors(given: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    """Return a scenario's keys without sensors that came with a robot at a key: another robot brings its own."""
+    """Return a scenario's keys without the sensors that came with the robot at `key`: a new robot brings its own."""
     groups, of_group = given.get("robots"), re.fullmatch(r"robots\.(\d+)\.kind", key)
     if not are_groups(groups) or not (key == "robot" or of_group):
         return given
@@ -209,12 +209,12 @@ def _sensors_of(robot: Any) -> Mapping[str, Any]:
 
 
 def as_section(robot: Any) -> Any:
-    """Return a section `robot`, also for a name alone."""
+    """Return a section `robot`, also if only a name is given."""
     return {"kind": robot} if isinstance(robot, str) else robot
 
 
 def _needs_file(section: Any) -> bool:
-    """Return whether a section `robot` names a robot whose file it needs; scenarios are stored with all keys."""
+    """Return whether a section `robot` needs the file of its robot: not if it has all keys, as in stored scenarios."""
     named = isinstance(section, Mapping) and isinstance(section.get("kind"), str)
     return named and not RobotKind.model_fields.keys() <= section.keys()
 
@@ -247,7 +247,7 @@ class ProximitySection(ConfigModel):
 
 
 class CameraMount(ConfigModel):
-    """Where a robot's camera is, `null` for one without any; what it sees is a matter of each group of robots."""
+    """Where a robot's camera is, `null` for one without any; the view is set in each group of robots."""
 
     forward_cm: Annotated[Number, Field(ge=0)] | None = None
     """Distance ahead of the axle's centre; by default at the front of the body, where the e-puck's is."""
@@ -317,7 +317,7 @@ class RobotKind(ConfigModel):
 
 
 def cell_cm(kinds: Sequence[RobotKind]) -> float:
-    """Return the least side of a cell, cm, so that who senses or touches a robot is in its cell or in one around it."""
+    """Return the least side of a cell, cm: robots that sense or touch a robot are in its cell or in one around it."""
     largest_cm = max(kind.radius_cm for kind in kinds)
     return max(3 * largest_cm, *(kind.ray_reach_cm for kind in kinds)) + largest_cm
 

@@ -24,7 +24,7 @@ from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 
 class CameraSignal(ConfigModel):
-    """By the line camera that the group's section `camera` describes (thesis 4.1.1)."""
+    """A signal by the line camera that the group's section `camera` describes (thesis 4.1.1)."""
 
     kind: Literal["camera"] = "camera"
 
@@ -46,7 +46,7 @@ class ConeSection(SectorSection):
 
 
 class ConeSignal(ConeSection):
-    """By an ideal sensor, which knows the lit rings whose centres lie in a cone (thesis 3.1.2, 3.1.4.3)."""
+    """A signal by an ideal sensor, which perceives lit rings whose centres lie in a cone (thesis 3.1.2, 3.1.4.3)."""
 
     kind: Literal["cone"]
     occlusion: bool = True
@@ -54,9 +54,9 @@ class ConeSignal(ConeSection):
 
 
 class EnkiCameraSignal(SectorSection):
-    """By what Enki's camera sees: lit rings of robots of which any part shows in a sector (thesis 3.1.4.3).
+    """A signal by Enki's camera, which sees lit rings of robots of which any part shows in a sector (thesis 3.1.4.3).
 
-    The range is that from the robot's centre to the nearest point of the other, and the camera is at the front.
+    The range is measured from the robot's centre to the nearest point of the other; the camera is at the front.
     """
 
     kind: Literal["enki_camera"]
@@ -65,13 +65,13 @@ class EnkiCameraSignal(SectorSection):
 
 
 class RadioSignal(ConeSection):
-    """By radio pulses, which nothing blocks (thesis 6.2)."""
+    """A signal by radio pulses, which nothing blocks (thesis 6.2)."""
 
     kind: Literal["radio"]
     latency_ms: Annotated[Number, Field(ge=0, le=60_000)] = 0.0
-    """Time by which pulses are late; a pulse arrives in the first control step that begins so much later."""
+    """Delay of pulses; a pulse arrives in the first control step that begins at least this much later."""
     loss: Annotated[Number, Field(ge=0, le=1)] = 0.0
-    """Probability with which a robot misses a pulse, for each pulse and robot alone."""
+    """Probability with which a robot misses a pulse, independently for each pulse and robot."""
     collisions: bool = False
     """Whether a robot that several pulses reach at once receives none of them."""
     half_duplex: bool = False
@@ -161,7 +161,7 @@ class RobotGroup(ConfigModel):
 
     @classmethod
     def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:
-        """Return the names of parameters of controller and sensors, and of what the controller remembers."""
+        """Return the names of parameters of controller and sensors, and of fields of the controller's memory."""
         names: dict[str, Sequence[str]] = {}
         sensors = values["sensors"]
         files = {name: each[FILE] for name, each in sensors.items()} if isinstance(sensors, Mapping) else {}
@@ -194,7 +194,7 @@ class RobotGroup(ConfigModel):
 
     @property
     def signal_is_random(self) -> bool:
-        """Whether random numbers decide when a flash reaches a robot, or if it does."""
+        """Whether random numbers decide if, or when, a flash reaches a robot."""
         if isinstance(self.signal, RadioSignal):
             return self.signal.loss > 0
         return self.camera.frames_per_s is not None
@@ -249,7 +249,7 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
         wide[2 * kind.radius_cm] += count
     for key, side_cm in (("width_cm", arena.width_cm), ("height_cm", arena.height_cm)):
         check_range(f"arena.{key}", side_cm, max(wide), LARGEST)
-    densest = math.pi / math.sqrt(12) if len(wide) == 1 else 1.0  # of equal discs; others may fill what these leave
+    densest = math.pi / math.sqrt(12) if len(wide) == 1 else 1.0  # of equal discs; other ones may fill the gaps
     covered_cm2 = sum(robots * math.pi * (diameter_cm / 2) ** 2 for diameter_cm, robots in wide.items())
     if covered_cm2 > densest * arena.width_cm * arena.height_cm:
         listed = " and ".join(f"{robots} robots of {diameter_cm:g} cm" for diameter_cm, robots in (+wide).items())
@@ -260,7 +260,7 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
 def resolve_group(
     group: RobotGroup, step_ms: int, origin: str, folder: Path | None, *, controller_is_swept: bool
 ) -> RobotGroup:
-    """Return the group with all parameters, and with the paths of its files; not yet of a controller that is swept."""
+    """Return the group with all parameters and the paths of its files; a controller that is swept stays as it is."""
     resolved = {
         name: resolve_sensor(given, f"{origin}.sensors.{name}", folder) for name, given in group.sensors.items()
     }
@@ -292,7 +292,7 @@ def resolve_parameters(
 
 
 def _check_memory(controller: Controller, name: str, given: Any, robots: int, parameters: Mapping[str, Value]) -> None:
-    """Raise ValueError if what robots are to remember at the start does not fit what the controller remembers."""
+    """Raise ValueError if a value of memory given for the start does not fit the controller's memory."""
     known = list(controller.memory.names or ())
     if name not in known:
         raise ValueError(f"{did_you_mean(name, known)}; {controller.name} has {comma_list(known)}")
@@ -314,7 +314,7 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
 
 
 def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dict[str, Any]:
-    """Return a scenario's keys in which all robots have another controller, with what it knows of theirs."""
+    """Return a scenario's keys with another controller for all robots, and only the parameters and memory it has."""
     if given.get("model", "embodied") != "embodied":
         raise ScenarioError(f"{origin}: --controller {name}: model is {given['model']}; controllers run on robots")
     groups = given.get("robots", [{}])
@@ -336,8 +336,8 @@ def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dic
 def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return the scenario of each point before its axes are set to the values in its row.
 
-    Where the controller of a group is an axis, each of its controllers gets those of the group's parameters and memory
-    that it has. One that none of them has stays, and is refused with the point.
+    Where the controller of a group is an axis, each of these controllers gets only those of the group's parameters and
+    memory that it has. A name that none of them has stays, and is refused with the point.
     """
     bases = [list(given.get("robots", ())) for _ in rows]
     for number, group in enumerate(given.get("robots", ())):
