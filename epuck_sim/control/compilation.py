@@ -1,4 +1,4 @@
-"""Compiles a controller's functions, and what calls them, into a cache that no edit leaves stale."""
+"""Compiles a controller's functions, and the function that calls them, into a cache that no edit leaves stale."""
 
 import re
 import warnings
@@ -31,12 +31,12 @@ def compile_for(
     """Compile a function (block, addresses, number) that calls a user's functions, cached by all it is made from.
 
     Args:
-        user: What the file describes, with its `sources` and `modules`.
+        user: The object that describes the user's file, with `sources` and `modules`.
         function: The function.
-        names: What its global names stand for: functions of the file, types of records, or kernels.
-        contents: Stands for what those kernels are made from.
+        names: Values of its global names: functions of the file, types of records, or kernels.
+        contents: Text that identifies what those kernels are made from.
         takes: Numba's types of the arguments, if the function takes others.
-        error: What is raised if the file cannot be compiled.
+        error: Class of the error that is raised if the file cannot be compiled.
     """
     types = tuple(value for value in names.values() if isinstance(value, np.dtype))
     made_from = _static_digest(user, types, contents).encode(), digest_of_room(function).encode()
@@ -56,7 +56,7 @@ def compile_for(
     return _compiled[key]
 
 
-@lru_cache  # as it takes long, of what cannot change in a file that is loaded
+@lru_cache  # it takes long, and nothing here changes in a loaded file
 def _static_digest(user: Any, types: tuple[np.dtype[Any], ...], contents: str) -> str:
     """Return the digest of sources, types and contents, and of values in modules that the file imports."""
     own = user.modules.values()
@@ -78,7 +78,7 @@ def frozen_values(modules: Iterable[ModuleType]) -> list[bytes]:
 
 
 def _bound_values(function: FunctionType) -> list[object]:
-    """Return the defaults of a function, and the values that it has taken from a function around it."""
+    """Return the default arguments of a function, and the values in its closure."""
     cells = [cell.cell_contents for cell in function.__closure__ or () if cell != CellType()]
     return [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values(), *cells]
 
@@ -139,7 +139,7 @@ def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: st
 
 
 def _place(reason: str, message: str, sources: Mapping[Path, bytes]) -> tuple[Path, int] | None:
-    """Return file and line of what numba cannot compile: of a name that it lacks, or the first place that it names."""
+    """Return file and line that numba cannot compile: of the name in its error, or else the first place it mentions."""
     lacking = re.match(r"(?:Name|Key|Attribute)Error:.*'(\w+)'[^']*$", reason)
     if lacking and (place := first_use(lacking[1], sources)):
         return place

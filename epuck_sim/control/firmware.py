@@ -1,4 +1,4 @@
-"""Firmware in C: compiles a file with the system's compiler, or takes a library, and reads what it says of itself.
+"""Firmware in C: compiles a file with the system's compiler, or takes a library, and reads its description of itself.
 
 A file is compiled once for its contents, and its library kept in the folder of compiled code.
 """
@@ -23,14 +23,14 @@ from epuck_sim.util.cache_folder import cache_root, remove_unused
 
 HEADERS = Path(__file__).with_name("include")  # folder of the header `epuck.h`
 
-# no product and sum become one operation, which rounds once instead of twice: so Python computes, and other processors
+# a product and a sum are not fused into one operation, which would round once: so results equal Python's everywhere
 FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-g1")  # options of the compiler
 
 ERRORS = ("-Werror=implicit-function-declaration", "-Werror=incompatible-pointer-types", "-Werror=int-conversion")
 """Warnings that are errors in newer versions of C."""
 
 OWN_VARIABLES = {"memory", "parameters", "e_swarm", "e_robot", "e_refusal"}
-"""Variables of the header, which are the thread's."""
+"""Variables of the header; each thread has its own."""
 
 SHARED_RANDOM = {"rand", "srand", "random", "srandom", "drand48", "srand48", "lrand48", "rand_r"}
 """Functions whose random numbers do not come from the robot's own stream."""
@@ -55,7 +55,7 @@ class Firmware(Controller):
     library: ctypes.CDLL  # the library, loaded into this process
 
     def check_values(self, values: Mapping[str, Value]) -> None:
-        """Raise ValueError for parameters that the library's `e_check` refuses, too."""
+        """Raise ValueError also for parameters that the library's `e_check` refuses."""
         super().check_values(values)
         record = self.parameter_record(values)
         refusal = self.library.e_check(ctypes.c_void_p(record.ctypes.data))
@@ -76,7 +76,7 @@ class _Field(ctypes.Structure):
 
 
 def load_firmware(path: Path) -> Firmware:
-    """Return the firmware of a file in C, or of a library that was compiled from one, or say what the compiler says."""
+    """Return the firmware of a file in C, or of a library compiled from one; errors quote the compiler."""
     file, sources = _build_library(path) if path.suffix == ".c" else _keep_library(path)
     try:
         library = ctypes.CDLL(str(file))
@@ -124,9 +124,9 @@ def _default(name: str, field: _Field) -> Value:
 
 
 def _keep_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
-    """Return a copy of a library, and its contents; under a name made from these, as one that is loaded must stay."""
+    """Return a copy of a library, named after its contents, and the contents; a loaded file must not change."""
     contents = path.read_bytes()
-    if _is_cut_off(contents):  # the process that loads it would be ended by the system
+    if _is_cut_off(contents):  # to load it would end the process
         raise ControllerError(f"{path}: is no whole library: its end is missing")
     return _library([contents], lambda part: part.write_bytes(contents)), {path: contents}
 
@@ -143,7 +143,7 @@ def _is_cut_off(contents: bytes) -> bool:
 
 
 def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
-    """Return the library of a C file, and the contents of the files that it is made from, but the compiler's own."""
+    """Return the library of a C file, and the contents of the files it is made from, except the compiler's own."""
     compiler = _find_compiler(path)
     _, _, files = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", "-MT", "code", path]).partition(":")
     named = re.findall(r"(?:\\.|[^\s\\])+", files.replace("\\\n", " "))  # with the quotes of `make`
@@ -219,7 +219,7 @@ def _line_of(name: str, sources: Mapping[Path, bytes]) -> str:
 
 
 def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
-    """Return the library made from these contents, named by them and by its own digest: a damaged one is made anew."""
+    """Return the library made from these contents, named after their digest and its own: damaged ones are made anew."""
     folder = cache_root() / "firmware"
     if not folder.is_dir():
         folder = cache_root(to_fill=True) / "firmware"
