@@ -6,7 +6,7 @@
     def start(memory, parameters, random): ...
     def step(sensors, memory, actuators, parameters, random): ...
     def check(parameters): ...           optional: raises ValueError on values that make no sense
-    EXTERNAL = ("wheels", "ring")        optional: what is commanded from outside, and left alone by `step`
+    EXTERNAL = ("wheels", "ring")        optional: parts commanded from outside, which `step` leaves alone
 
 `step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets the fields of `actuators` (see
 `ACTUATORS`). `random` is the robot's own stream for `epuck_sim.util.rng`.
@@ -74,9 +74,9 @@ class Sensors(NamedTuple):
     pulses: int = 0
     """Number of radio pulses that arrive in this control step."""
     messages: IntArray = _NO_MESSAGES
-    """(MAX_MESSAGES,): what the first of them say, as their senders have set `actuators.send`; 0 for a bare pulse."""
+    """(MAX_MESSAGES,): messages of the first of them, as set in the senders' `actuators.send`; 0 for a bare pulse."""
     wheels: Wheels = EPUCK_WHEELS
-    """Constants of the wheels, for controllers that reckon with turns."""
+    """Constants of the wheels, for controllers that compute turns."""
 
 
 class World(NamedTuple):
@@ -111,7 +111,7 @@ ACTUATORS = np.dtype(
     ],
     align=True,
 )
-"""Record of what a controller commands, one for each robot; it keeps its values until they are set again."""
+"""Record of a controller's commands, one for each robot; it keeps its values until they are set again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,11 +162,11 @@ class Controller(Described):
     """A controller as its file describes it."""
 
     memory: np.dtype[Any]
-    """Record type of what a robot remembers."""
+    """Record type of a robot's memory."""
     start: Callable[..., None]
     step: Callable[..., None]
     external: tuple[str, ...]
-    """The parts that are commanded from outside, of `EXTERNAL`."""
+    """The parts, of `EXTERNAL`, that are commanded from outside."""
 
     @property
     def has_phase(self) -> bool:
@@ -189,5 +189,5 @@ class Sensor(Described):
     """A sensor as its file describes it; see `control.loader`."""
 
     readings: np.dtype[Any]
-    """Record type of what it tells the controller."""
+    """Record type of its readings, as controllers find them in `sensors`."""
     sense: Callable[..., None]

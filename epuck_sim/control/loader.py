@@ -44,7 +44,7 @@ CONTROLLER = Kind(
 """How controllers are found."""
 
 DRAW = "draw by epuck_sim.util.rng.uniform(random)"
-"""Advice for controllers and sensors that draw numbers that follow from no seed."""
+"""Advice for controllers and sensors that draw random numbers without a seed of the trial."""
 
 CONTROLLER_PARTS = {
     "PARAMETERS": "a mapping of names to default values",
@@ -164,7 +164,7 @@ def _load_sensor(place: Place) -> Sensor:
 
 
 def _floats_first(readings: np.dtype[Any]) -> np.dtype[Any]:
-    """Return a record type whose floats come before whole numbers, so that they can be looked at as one array."""
+    """Return a record type whose floats come before whole numbers, so that they can be viewed as one array."""
     names = sorted(readings.names or (), key=lambda name: readings[name].base.kind != "f")
     return np.dtype([(name, readings[name].base, readings[name].shape) for name in names], align=True)
 

@@ -1,7 +1,7 @@
 """Checks the names that a controller's code uses of its sensors, memory, actuators and parameters, without running it.
 
 Compiled and interpreted controllers thus get the same message, even for code that is seldom reached. The same goes for
-sensors in files of their own. What a controller reads of its sensors depends on which sensors its robots have.
+sensors in files of their own. The names that a controller may read in `sensors` depend on the sensors of its robots.
 """
 
 import ast
@@ -31,7 +31,7 @@ FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"),
 """Arguments that code must not set: a sensor would change outcomes, a controller the values of its whole group."""
 
 GENERATORS = re.compile(r"random|numpy\.random(\..*)?")
-"""Modules of classes whose methods draw numbers that are no robot's own, and that nobody can make again unseeded."""
+"""Modules of random generators: their numbers do not come from a robot's stream, nor repeat without a seed."""
 
 SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
 """Fields of a robot's record that a sensor sees."""
@@ -62,10 +62,10 @@ def _check_names(
     several: Collection[tuple[str, str]] = (),
     fixed: Sequence[str] = (),
 ) -> None:
-    """Check names by these roles; functions that are handed what has a role are followed, assignments are not.
+    """Check the names used of arguments with these roles, also in functions to which such arguments are passed on.
 
-    Those of `several` numbers, by role and name, are not set as a whole: numba copies whatever lies there. Nothing of
-    what has a role in `fixed` is set, also under another name.
+    Other names assigned to them are not followed. Fields of `several` numbers, by role and name, must not be set as a
+    whole: numba copies whatever lies there. Nothing with a role in `fixed` may be set, even under another name.
     """
     definitions = _definitions(user)
     todo: list[tuple[object, tuple[str | None, ...]]] = [
@@ -92,9 +92,9 @@ def _check_names(
 
 @lru_cache(maxsize=8)
 def _definitions(user: Described) -> dict[tuple[str, str, int], ast.FunctionDef]:
-    """Return the functions of its Python files, as trees, by file, name and first line, as a function's code has them.
+    """Return the trees of functions in the user's Python files, by file, name and first line as in code objects.
 
-    What it senses is checked after its own names, and for each set of sensors.
+    They are cached: names of sensors are checked after the user's own names, and for each set of sensors.
     """
     found = {}
     for path, source in user.sources.items():
@@ -108,7 +108,7 @@ def _definitions(user: Described) -> dict[tuple[str, str, int], ast.FunctionDef]
 def _names_of_arguments(
     definition: ast.FunctionDef, nodes: Sequence[ast.AST], roles: Sequence[str | None]
 ) -> dict[str, str]:
-    """Return, by their names in a function, which arguments are sensors, memory and so on; not those assigned to."""
+    """Return the roles (sensors, memory and so on) of a function's arguments, by name; not of those assigned to."""
     arguments = [each.arg for each in (*definition.args.posonlyargs, *definition.args.args)]
     assigned = {each.id for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load)}
     inner = {each.arg for node in definition.body for each in ast.walk(node) if isinstance(each, ast.arg)}
@@ -123,7 +123,7 @@ def _mistakes(
     several: Collection[tuple[str, str]],
     fixed: Sequence[str],
 ) -> Iterator[tuple[int, str]]:
-    """Yield lines of a function, whose arguments have roles by their names, and what is wrong there."""
+    """Yield line and message of each mistake in a function; `names` has the roles of its arguments by name."""
     parts = [node for node in nodes if isinstance(node, ast.Attribute | ast.Subscript)]
     also_named = _names_of_parts(nodes, names)
     own = "readings" if "world" in fixed else "memory"
@@ -148,7 +148,7 @@ def _mistakes(
 def check_draws(file: PythonFile, instead: str) -> None:
     """Raise the file's error, with line, for a call in it that draws numbers which follow from no seed of a trial.
 
-    A generator with a seed may draw when the file is loaded, and in no function: it would go on from trial to trial.
+    A generator with a seed may draw when the file is loaded, but not in a function: it would go on from trial to trial.
     """
     for path, source in file.sources.items():
         values = vars(file.modules[path])
@@ -168,7 +168,7 @@ def check_draws(file: PythonFile, instead: str) -> None:
 
 
 def _calls(node: ast.AST, hidden: Set[str] | None = None) -> Iterator[tuple[ast.Call, Set[str] | None]]:
-    """Yield calls, and the names that their functions take or assign, which hide the file's; None in no function."""
+    """Yield calls, with the names that functions around them take or assign, hiding the file's; None outside of any."""
     if isinstance(node, ast.FunctionDef | ast.Lambda):
         own = [*ast.walk(node)]
         assigned = {each.id for each in own if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)}
@@ -184,7 +184,7 @@ def _is_of_generators(made_by: object) -> bool:
 
 
 def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[str, str]:
-    """Return roles by names, also by those that are given to a part of what has a role, and to nothing else."""
+    """Return roles by name, also of names that are assigned only once, to a part of something with a role."""
     roles = dict(names)
     named = (each for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load))
     given = Counter(each.id for each in named)
@@ -197,7 +197,7 @@ def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[
 
 
 def _root(node: ast.AST) -> str:
-    """Return the name that an attribute or a part of an array belongs to, over all dots and brackets."""
+    """Return the name before all dots and brackets of an attribute or a part of an array; "" if there is none."""
     while isinstance(node, ast.Attribute | ast.Subscript):
         node = node.value
     return node.id if isinstance(node, ast.Name) else ""
