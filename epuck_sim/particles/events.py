@@ -1,11 +1,11 @@
-"""From one instant at which oscillators fire to the next, in continuous time (thesis 3.1.3, 5.1.1).
+"""Simulation from one instant at which oscillators fire to the next, in continuous time (thesis 3.1.3, 5.1.1).
 
-What happens at an instant, in frozen time:
+An instant, in frozen time:
 
 1. All oscillators fire whose firing times lie within 1e-12 cycles of the earliest.
 2. Each oscillator that fires sends a pulse to its present neighbours. A receiver shifts its phase by the response
    curve, unless it has already fired or received a pulse at this instant, or is refractory. Only then does it count
-   as receiving; in any case the pulse has arrived.
+   as receiving; the pulse has arrived in any case.
 3. A receiver whose phase reaches 1 fires at the same instant, and step 2 is repeated until no oscillator is left.
 4. The phases of all oscillators that fired are 0. Agents that reorient on pulses do so.
 5. If the reference fired, the order parameter is measured.
@@ -103,14 +103,14 @@ def fire(
     instant: Instant,
     time: float,
 ) -> None:
-    """Fire all oscillators whose time has come, and all that their pulses make fire."""
+    """Fire all oscillators that are due, and all that fire because of their pulses."""
     scene, response, agents = oscillators.scene, oscillators.scene.response, len(oscillators.next_firing)
     fired, received, is_done = instant.fired, instant.received, instant.is_done
     fired_count, received_count = firing_now(oscillators, time, fired), 0
     for index in range(fired_count):
         is_done[fired[index]] = True
     done, sent, refractory = fired_count, 0, response.refractory
-    last_done = agents + scene.sends_every_pulse  # one more than there can be, if every pulse is sent
+    last_done = agents + scene.sends_every_pulse  # out of reach if every pulse is to be sent
     while sent < fired_count and done < last_done:
         agent = entry_of(fired, sent)
         row = find_receivers(block, addresses, neighbours, agent, time)
@@ -129,7 +129,7 @@ def fire(
             received[received_count] = other
             received_count += 1
             phase = phase_after_pulse(response, instant.curve, addresses, phase)
-            if phase >= 1.0 - SIMULTANEITY_CYCLES:  # `additive` gives back what it took, but for a rounding
+            if phase >= 1.0 - SIMULTANEITY_CYCLES:  # `additive` may miss 1 by a rounding
                 fired[fired_count] = other
                 fired_count += 1
             else:
@@ -149,7 +149,7 @@ def fire(
 
 @jit
 def note_arrivals(block: ByteArray, receivers: IndexArray) -> None:
-    """Add the agents that a pulse reaches to those that pulses have reached at this instant."""
+    """Add the receivers of a pulse to the agents that pulses have reached at this instant."""
     instant = carve(block, Instant)
     scene = instant.scene
     for index in range(len(receivers)):
@@ -162,10 +162,10 @@ def note_arrivals(block: ByteArray, receivers: IndexArray) -> None:
 
 @jit
 def turn_if_next(block: ByteArray, addresses: IntArray) -> int:
-    """Continue the trajectory that ends before the next firing; return whose it is, or -1 if a firing comes first."""
+    """Continue the trajectory that ends before the next firing; return its agent, or -1 if a firing comes first."""
     oscillators, trajectories = carve(block, Oscillators), carve(block, Trajectories)
     neighbours, scene = carve(block, Neighbours), oscillators.scene
-    advance_all(block, addresses, trajectories, scene.now)  # ends that were passed without being asked for
+    advance_all(block, addresses, trajectories, scene.now)  # ends that have passed already
     while min(earliest_firing(oscillators), time_of_end(trajectories, first_to_end(trajectories))) >= 1.0:
         start_next_cycle(oscillators, neighbours)
     agent = first_to_end(trajectories)

@@ -1,7 +1,7 @@
 """The beginning of a trial: the rules of its scenario, and its initial conditions (thesis 3, 5.1, 5.4, D.1).
 
-The rules are made once for all seeds. From a seed to the first event all is compiled, but for speeds and periods that
-differ from agent to agent.
+The rules are made once for all seeds. All steps from a seed to the first event are compiled, except the draws of speeds
+and periods that differ from agent to agent.
 """
 
 import math
@@ -54,8 +54,8 @@ SHORTEST_PERIOD = 0.1
 """Lower limit of a jittered period, in nominal periods; jitter is at most 0.2, so that hardly any draw is below it."""
 
 TABLE_SIZE = 1000
-"""Number of speeds, all equally likely, that stand for a distribution where speeds are drawn again and again: that of
-the fastest of them bounds the motion of all agents, and neighbours are cached by that bound."""
+"""Number of equally likely speeds that stand for a distribution where speeds are drawn again and again: the fastest of
+them bounds the motion of all agents, and neighbours are cached by that bound."""
 
 POSITION_SEED, PHASE_SEED, MOTION_SEED, RECEIVER_SEED = range(4)
 """Children of a trial's seed: positions and speeds; phases and periods; directions and runs; receivers."""
@@ -68,10 +68,10 @@ class Rules(NamedTuple):
     """Constants that all swarms of a scenario share, whatever their seeds."""
 
     beginning: ByteArray
-    """Bytes with which the block of a swarm begins to which nothing has happened; others are of no account."""
+    """Bytes with which the block of a new swarm begins; the rest of its bytes do not matter."""
     size: int  # number of bytes of a block
     addresses: IntArray
-    """Addresses, in this process, of what compiled code calls, see `swarm.SEARCH`; 0 for what it does not."""
+    """Addresses, in this process, of the functions that compiled code calls, see `swarm.SEARCH`; 0 where unused."""
 
     def new_block(self) -> ByteArray:
         """Return the block of a new swarm."""
@@ -95,7 +95,7 @@ def rules_of(scenario: ParticleScenario) -> Rules:
     if key not in _kept:
         if len(_kept) >= KEPT:
             del _kept[next(iter(_kept))]
-        _kept[key] = sections, _make_rules(scenario)  # the sections are kept, and thus their numbers
+        _kept[key] = sections, _make_rules(scenario)  # keeps the sections alive, so that no others get their ids
     return _kept[key][1]
 
 
@@ -143,7 +143,7 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
 
 
 def _scene_values(scenario: ParticleScenario, response: Response) -> dict[str, Any]:
-    """Return the fields of a scene that a scenario gives, but for its neighbourhood."""
+    """Return the fields of a scene that a scenario gives, except those of its neighbourhood."""
     agents, space, walk, stop = scenario.agents, scenario.space, scenario.agents.walk, scenario.stop
     is_single = agents.count == 1  # a single agent is never synchronised
     threshold = math.inf if is_single or stop.order_parameter is None else stop.order_parameter
@@ -164,12 +164,12 @@ def _scene_values(scenario: ParticleScenario, response: Response) -> dict[str, A
         "reorients_on_emitting": "emitting" in agents.reorient_on,
         "reorients_on_receiving": "receiving" in agents.reorient_on,
         "reorients_on_arriving": "arriving" in agents.reorient_on,
-        # they turn agents, or receivers are drawn, and draws must not depend on the order of the cascade
+        # pulses that turn agents, or whose receivers are drawn: draws must not depend on the order of the cascade
         "sends_every_pulse": "arriving" in agents.reorient_on or isinstance(scenario.neighbourhood, RandomAgents),
         "reference": stop.reference,
         "metric": METRIC_CODES[stop.metric],
         "threshold": threshold,
-        "max_offset": 1.0 if stop.max_time_s is not None else max_offset,  # then it may end between two firings
+        "max_offset": 1.0 if stop.max_time_s is not None else max_offset,  # then a trial may end between two firings
         "order_parameter": math.nan,
     }
 
@@ -179,9 +179,9 @@ def _scene_values(scenario: ParticleScenario, response: Response) -> dict[str, A
 
 @jit
 def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
-    """Begin a trial: agents at uniform positions with uniform directions, and uniform phases, where none are given.
+    """Begin a trial: draw uniform positions, directions and phases where the scenario gives none.
 
-    All else is drawn as it would be without. The block has the speeds and periods, and nothing has happened to it.
+    Given ones do not change what is drawn for the others. The block is new and has the speeds and periods already.
     """
     oscillators, trajectories = carve(block, Oscillators), carve(block, Trajectories)
     scene, agents = oscillators.scene, len(trajectories.speed)
@@ -224,7 +224,7 @@ def _seed_streams(streams: npt.NDArray[np.void], scene: Any, child: int) -> None
 
 
 def give_start(arrays: Arrays, scenario: ParticleScenario) -> None:
-    """Write to a new swarm what its scenario gives of the start, whatever the seed."""
+    """Write to a new swarm the part of the start that its scenario gives, for all seeds."""
     scene, given = arrays.scene, scenario.start
     if given.positions_cm is not None:
         scene.has_positions = True
@@ -244,7 +244,7 @@ def give_start(arrays: Arrays, scenario: ParticleScenario) -> None:
 
 
 def draw_differences(arrays: Arrays, scenario: ParticleScenario, seed: int) -> None:
-    """Draw speeds and periods that differ from agent to agent: few scenarios have any."""
+    """Draw speeds and periods, where they differ from agent to agent; in few scenarios they do."""
     if scenario.agents.speed_distribution != "fixed":
         arrays.speed[:] = initial_speeds(scenario, seed)
     if scenario.clocks.jitter:
@@ -256,7 +256,7 @@ def draw_differences(arrays: Arrays, scenario: ParticleScenario, seed: int) -> N
 
 
 def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
-    """Return the generator of a child of the trial's seed that has drawn so many numbers from [0, 1)."""
+    """Return the generator of a child of the trial's seed after it has drawn this many numbers from [0, 1)."""
     generator, sequence = np.empty(GENERATOR_WORDS, np.uint64), np.empty(SEQUENCE_WORDS, np.uint64)
     begin_sequence(sequence, seed_words(seed))
     spawn(sequence, sequence, child)
@@ -315,7 +315,7 @@ def speed_table(agents: AgentsSection) -> FloatArray:
 
 
 def _normal_quantiles(levels: FloatArray) -> FloatArray:
-    """Return quantiles to nine digits, which are the same whatever the last digit of a system's logarithm."""
+    """Return quantiles to nine digits, which do not depend on the last digit of a system's logarithm."""
     return _each(NormalDist().inv_cdf, levels).round(9)
 
 

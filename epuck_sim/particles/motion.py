@@ -2,9 +2,9 @@
 
 Agents are not moved step by step. A trajectory stores where and when it began and when it ends: at a wall, or at the
 end of a run of a random walk if that is earlier. Trajectories that have ended are continued only when a position is
-asked for. When this happens makes no difference, to the bit: each agent draws from a stream of its own, and the times
-of a trajectory are stored as a cycle and the time in that cycle. So agents of two simulations with the same seed move
-alike whatever their oscillators do.
+needed. The moment of this does not change the outcome, to the bit: each agent draws from a stream of its own, and the
+times of a trajectory are stored as a cycle and the time in that cycle. So agents of two simulations with the same seed
+move alike whatever their oscillators do.
 
 A heading is a unit vector, (dimensions,), which is overwritten; a stream is a generator's state, (4,); see `util.rng`.
 Times passed as arguments are in cycles since the start of the present cycle (see `swarm`).
@@ -23,7 +23,7 @@ from epuck_sim.util.rng import randint, uniform
 NO_WALL = -1  # stands for a wall where a trajectory ends because a run does
 
 LONGEST_RUN = 1e12
-"""Cycles: upper limit of a run; no trial lasts as long, and times as long as this still have digits to spare."""
+"""Longest duration of a run, cycles; no trial lasts as long, and times as long as this still have digits to spare."""
 
 
 @jit_inline
@@ -43,11 +43,11 @@ def distance_travelled(trajectories: Trajectories, agent: int, time: float) -> f
 
 @jit_inline
 def find_end(trajectories: Trajectories, agent: int) -> None:
-    """Compute when and where an agent's trajectory ends: at the first wall, or where its run ends before."""
+    """Compute when and where an agent's trajectory ends: at the first wall, or at the end of its run if earlier."""
     scene, agents = trajectories.scene, len(trajectories.speed)
     side_cm, speed = scene.side_cm, trajectories.speed[agent]
     duration, wall = math.inf, trajectories.wall[agent]
-    for axis in range(scene.dimensions):  # directions are random: conditions that are no branches
+    for axis in range(scene.dimensions):  # no branches, as directions are random
         velocity = trajectories.heading[axis * agents + agent] * speed
         distance_cm = (side_cm if velocity > 0 else 0.0) - trajectories.origin[axis * agents + agent]
         until = distance_cm / velocity if velocity != 0 else math.inf
@@ -138,7 +138,7 @@ def advance_one(block: ByteArray, addresses: IntArray, trajectories: Trajectorie
 
 @jit_no_alloc
 def continue_trajectory(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
-    """Continue an agent's trajectory beyond its end, as a new one, and again until it lasts beyond `time`."""
+    """Replace an agent's trajectory, which has ended, by the next one, and again until one lasts beyond `time`."""
     trajectories, has_ended = carve(block, Trajectories), True
     while has_ended:
         wall = trajectories.wall[agent]
@@ -189,9 +189,9 @@ def reflect(trajectories: Trajectories, agent: int, axis: int, is_far: bool) -> 
 
 @jit_no_alloc
 def begin_run(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:  # noqa: ARG001
-    """Turn an agent where its run has ended; draw when its next one ends, and its speed if runs differ in that.
+    """Turn an agent at the end of its run; draw the end of its next run, and its speed if speeds differ between runs.
 
-    Its first run follows no other: then nothing turns and no speed is drawn.
+    At its first run, the agent does not turn, and no speed is drawn.
     """
     trajectories = carve(block, Trajectories)
     scene, run_speeds = trajectories.scene, trajectories.run_speeds
@@ -232,7 +232,7 @@ def reorient_agents(block: ByteArray, addresses: IntArray, agent: int, time: flo
 
 @jit_no_alloc
 def reorient_each(block: ByteArray, agents: IndexArray, is_done: BoolArray, time: float) -> None:
-    """Turn agents in a random direction before the end of their trajectories, unless that is done; runs go on."""
+    """Turn agents in a random direction at `time`, except those turned already; their runs go on."""
     trajectories = carve(block, Trajectories)
     scene = trajectories.scene
     for index in range(len(agents)):

@@ -1,4 +1,4 @@
-"""A trial beside its undisturbed twin: how a disturbance spreads, and what remains of synchrony (thesis 5.4)."""
+"""A trial and its undisturbed twin: how a disturbance spreads, and how much synchrony remains (thesis 5.4)."""
 
 from typing import NamedTuple
 
@@ -20,10 +20,10 @@ class TwinComparison(NamedTuple):
 
 
 def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) -> ParticleSimulation:
-    """Return the twin of a trial, which goes on when it is synchronised and whose agents move like those of the trial.
+    """Return the twin of a trial: it continues after synchrony, and its agents move like those of the trial.
 
-    By default no phase of the twin is displaced and no period has jitter (5.4.1, 5.4.2). With a displacement they are
-    as in the trial, and the phase of agent 0 is ahead by so many cycles, or by what is left until it fires.
+    By default no phase of the twin is displaced and no period has jitter (5.4.1, 5.4.2). With a displacement, both are
+    as in the trial, but the phase of agent 0 is ahead by that many cycles, at most up to its firing.
     """
     scenario.check_twin()
     if displacement:
@@ -36,7 +36,7 @@ def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) 
 
 
 def make_endless(scenario: ParticleScenario, seed: int) -> ParticleSimulation:
-    """Return the simulation of a trial that goes on when it is synchronised, without measures."""
+    """Return the simulation of a trial that continues after synchrony, without measures."""
     stop = scenario.stop.model_copy(update={"order_parameter": None, "when": None})
     return ParticleSimulation(scenario.model_copy(update={"stop": stop, "measures": ()}), seed)
 
