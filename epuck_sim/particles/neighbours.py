@@ -93,7 +93,7 @@ def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:
 
 @jit_inline
 def find_receivers(block: ByteArray, addresses: IntArray, neighbours: Neighbours, agent: int, time: float) -> int:
-    """Find who receives a pulse, unless those found before are valid still; return where `members` has the first."""
+    """Find the receivers of a pulse, unless cached ones are still valid; return the index of the first in `members`."""
     if not time < neighbours.cached_until[agent]:
         call(addresses[SEARCH], block, addresses, agent, time)
     return _row_of(neighbours, agent)
@@ -173,7 +173,7 @@ def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float)
 def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:  # noqa: ARG001
     """Draw k distinct agents other than `agent`; each set of k has the same chance.
 
-    Floyd's algorithm: k random numbers, and no array that a draw would leave in another order for the next one.
+    Floyd's algorithm takes k random numbers, and no array whose order would depend on earlier draws.
     """
     neighbours = carve(block, Neighbours)
     k, is_drawn, stream = neighbours.scene.k, neighbours.is_drawn, neighbours.receiver_streams[agent].words
@@ -194,9 +194,9 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
 
 @jit
 def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links: IntArray) -> int:
-    """Write each sender of some times the number of agents, plus a receiver, as far as there is room; return how many.
+    """Write the links of some senders, sender * agents + receiver, as far as there is room; return the number of all.
 
-    That is for observers and measures, in a swarm that stands still: a simulation shows nobody the neighbours it finds.
+    They are for observers and measures, in a swarm that stands still: a simulation does not expose those that it finds.
     """
     neighbours = carve(block, Neighbours)
     scene, found = neighbours.scene, 0
@@ -301,7 +301,7 @@ def _nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
 
 @jit_inline
 def _select_nearest(block: ByteArray, agent: int, time: float, count: int, radius_cm: float) -> bool:
-    """Find the k nearest; return whether no agent beyond the radius, within which all are candidates, is nearer."""
+    """Find the k nearest candidates; return False if an agent beyond the radius, not a candidate, may be nearer."""
     neighbours = carve(block, Neighbours)
     square, selected, k = neighbours.square_distance, neighbours.selected, neighbours.scene.k
     members = neighbours.members[_row_of(neighbours, agent) :]
@@ -445,7 +445,7 @@ def _cell_range(
 
 @jit_no_alloc
 def find_candidates(block: ByteArray, addresses: IntArray, agent: int, time: float, radius_cm: float) -> int:
-    """Find all agents that may be within a radius of an agent, and the agent; advance them, and return their number."""
+    """Find all agents that may be within a radius of an agent, itself included; advance them; return their number."""
     trajectories, neighbours = carve(block, Trajectories), carve(block, Neighbours)
     scene, start, candidates = trajectories.scene, neighbours.cell_start, neighbours.candidates
     moved_cm = scene.max_speed * (time - scene.sorted_at)

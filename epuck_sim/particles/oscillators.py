@@ -36,7 +36,7 @@ METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
 def set_next_firing(oscillators: Oscillators, agent: int, time: float) -> None:
     """Set the time of an oscillator's next firing."""
     block = agent // BRANCHES
-    # a block that may lose its earliest is searched again when that is asked for
+    # a block that may lose its earliest firing is searched again when needed
     earliest = -math.inf if oscillators.next_firing[agent] <= oscillators.block_earliest[block] else time
     oscillators.next_firing[agent] = time
     oscillators.block_earliest[block] = min(oscillators.block_earliest[block], earliest)
@@ -47,14 +47,14 @@ def set_next_firing(oscillators: Oscillators, agent: int, time: float) -> None:
 
 
 def forget_earliest(swarm: Arrays) -> None:
-    """Have the earliest firing times of all blocks searched again, as firing times have been set."""
+    """Mark the earliest firing times of all blocks as stale, after firing times have been set."""
     for earliest in (swarm.block_earliest, swarm.group_earliest, swarm.part_earliest):
         earliest[:] = -math.inf
 
 
 @jit_inline
 def earliest_firing(oscillators: Oscillators) -> float:
-    """Return the time of the earliest next firing; searches again what is stale."""
+    """Return the time of the earliest next firing; search stale blocks again."""
     if unlikely(len(oscillators.part_earliest) > 0):
         return _earliest_of_parts(oscillators)
     return _earliest_of_blocks(oscillators, 0, len(oscillators.block_earliest))
@@ -97,7 +97,7 @@ def firing_now(oscillators: Oscillators, time: float, found: IndexArray) -> int:
 def _firing_in_blocks(
     oscillators: Oscillators, begin: int, end: int, limit: float, found: IndexArray, count: int
 ) -> int:
-    """Add those of some blocks that fire up to `limit` to the `count` that are found; return how many these are."""
+    """Add the oscillators of some blocks that fire up to `limit` to the `count` found so far; return the new count."""
     for block in range(begin, end):
         if oscillators.block_earliest[block] <= limit:
             first = block * BRANCHES
@@ -159,7 +159,7 @@ def measure_order(oscillators: Oscillators, time: float) -> float:
 
 
 def last_firing_before(moment: Moment) -> Moment:
-    """Return cycle and time up to which oscillators fire at the same instant as a moment, and thus before a change."""
+    """Return the latest moment of firings that are simultaneous with a moment, and thus precede a change at it."""
     cycle, time = moment
     later, within = divmod(time + SIMULTANEITY_CYCLES, 1.0)
     return cycle + later, within

@@ -25,7 +25,7 @@ CURVES = tuple(SHIPPED)
 """Names of the shipped response curves; the index of a name is the number of its curve.
 
 They are those of eqs. 5.3 to 5.5; one that adds a constant (Wang et al. 2015, thesis 2.4); one that adds a constant to
-a state, which is concave down (Mirollo and Strogatz 1990); and the first one with another slope at early phases.
+a state, which is concave down (Mirollo and Strogatz 1990); and `multiplicative` with another slope at early phases.
 """
 
 MULTIPLICATIVE, SAWTOOTH, SINE, ADDITIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR, FROM_FILE = range(7)
@@ -54,9 +54,9 @@ class Response(NamedTuple):
 
 @jit_inline
 def phase_after_pulse(response: Any, curve: ByteArray, addresses: IntArray, phase: float) -> float:
-    """Return the phase, 0 to 1, after a pulse, of one above the refractory period; an oscillator at 1 fires.
+    """Return the phase, 0 to 1, after a pulse at a phase above the refractory period; an oscillator at 1 fires.
 
-    It is capped at 1, as in thesis 5.1.1, and at 0, below which the sine curve with kappa > 1 / (2 pi) would lead.
+    It is capped at 1, as in thesis 5.1.1, and at 0, as the sine curve with kappa > 1 / (2 pi) would lead below.
     """
     shift: float = response.coupling * phase
     if unlikely(response.curve != MULTIPLICATIVE):
@@ -131,7 +131,7 @@ if TYPE_CHECKING:  # `bind` provides them
 
 
 def make_response(section: ResponseSection) -> Response:
-    """Return the response of a scenario; raise CurveError for a user's that cannot be found or compiled.
+    """Return the response of a scenario; raise CurveError if a user's curve cannot be found or compiled.
 
     >>> make_response(ResponseSection(curve="sine", coupling=0.5))[:3]
     (2, 0.5, 0.0)
@@ -150,7 +150,7 @@ def make_response(section: ResponseSection) -> Response:
 
 
 def record_of(section: ResponseSection) -> np.dtype[Any]:
-    """Return the type of the record of a user's curve's parameters."""
+    """Return the record type of the parameters of a user's curve."""
     parameters = find_curve(section.curve).resolve(section.parameters)
     return record_type({name: type(value) for name, value in parameters.items()})
 
@@ -166,7 +166,7 @@ def shift_at(curve: ByteArray, phase: float) -> float:
 
 
 def curve_error(section: ResponseSection, phase: float, error: Exception) -> CurveError:
-    """Return the message of an error in a user's curve, with its line, which a second call in plain Python finds."""
+    """Return the CurveError for an error in a user's curve; a second call, in plain Python, finds the line."""
     curve = find_curve(section.curve)
     try:
         curve.check_shift(phase, section.coupling, curve.resolve(section.parameters))

@@ -1,8 +1,8 @@
-"""Selection of the smallest of some values, in ascending order; no pass over all values for each of them.
+"""Selection of the smallest of some values, in ascending order, without a pass over all values for each of them.
 
-Of few, one pass finds the largest, and a second one all up to it. If more are wanted, values are sorted into buckets by
-size, and only those in the first buckets are compared with each other. Squared distances of agents in a square are
-nearly uniform, so that few share a bucket. The buckets are not inlined: that would slow down the search for few.
+If few are wanted, one pass finds the largest of these, and a second one all values up to it. If more are wanted, values
+are sorted into buckets by size, and only those in the first buckets are compared. Squared distances of agents in a
+square are nearly uniform, so that few share a bucket. The buckets are not inlined: that would slow the search for few.
 """
 
 import math
@@ -10,10 +10,10 @@ import math
 from epuck_sim.arrays import FloatArray, IndexArray
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
-FEW = 6  # largest number of values for which one pass finds the limit up to which they are: faster than buckets
+FEW = 6  # largest number of wanted values for which a pass for their limit is faster than buckets
 
 SAMPLED = 8
-"""Every eighth value is looked at for the range that is divided into buckets; larger ones go to the last bucket."""
+"""Every eighth value is sampled for the range that is divided into buckets; values above it go to the last bucket."""
 
 SMALLEST_RANGE = 1e-300  # lower limit of the range of values that is divided into buckets; keeps its inverse finite
 
@@ -43,8 +43,8 @@ def select_smallest(
 ) -> None:
     """Write the indices of the smallest values to `found`: ascending, equal values in the order of their indices.
 
-    Of the first `count` values, of which at most one is inf and none is negative, `wanted` are found. The buckets,
-    (count,), are scratch; so is `found`, (count,), beyond.
+    It selects `wanted` of the first `count` values, of which at most one is inf and none is negative. The buckets,
+    (count,), are scratch; so is the rest of `found`, (count,).
     """
     if wanted > FEW:
         sort(found, values, fill_buckets(values, count, wanted, bucket_of, bucket_end, found))
@@ -58,7 +58,7 @@ def select_smallest(
 
 @jit_inline
 def find_limit(values: FloatArray, count: int, wanted: int) -> float:
-    """Return the largest of the `wanted` smallest of `values[:count]`: of two or three without a look at six."""
+    """Return the largest of the `wanted` smallest of `values[:count]`; up to three take fewer comparisons than six."""
     a = b = c = d = e = f = math.inf
     for index in range(count if wanted <= 3 else 0):
         value = values[index]
