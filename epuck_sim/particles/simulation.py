@@ -38,9 +38,9 @@ SCHEDULE_SEED = 4
 UNLIMITED = 2**62  # larger than any count or cycle number
 
 SHIFTS_ONLY = 50
-"""Swarms of this size or larger have links of pulses only where a phase was shifted: if all fire, all receive all."""
+"""Least size of swarms whose `pulse_links` are only those that shift a phase: if all fire, each receives all pulses."""
 
-FIRST_ROOM = 8  # links for each agent for which there is room at first; more are made when they are needed
+FIRST_ROOM = 8  # initial room for links, for each agent; it grows when needed
 NOBODY = np.empty(0, np.int64)  # indices of the agents that fire or receive where none do
 SIDE_IN_RADII = 60  # side of the space of agents, in radii of the disc that is drawn for each
 GLOW = 0.075  # share of a period for which an agent that has fired is drawn lit; a robot's flash lasts as long
@@ -104,7 +104,7 @@ class ParticleSimulation:
         self._begin(chosen)
 
     def reset(self, seed: int | None = None) -> None:
-        """Start anew, with the same scenario: all is as in a new simulation with this seed, to the bit.
+        """Restart with the same scenario: equal, to the bit, to a new simulation with this seed.
 
         Args:
             seed: Whole number from 0; None for the scenario's own.
@@ -124,27 +124,27 @@ class ParticleSimulation:
         draw_differences(self._arrays, self.scenario, self.seed)
         start(self._arrays.block, self._addresses, seed_words(self.seed))
         self.events = []
-        self._present = self.scenario  # with what the schedule has set
+        self._present = self.scenario  # with the values that the schedule has set
         period_s = self.scenario.clocks.period_s
         self._timed = TimedEntries(self.scenario.schedule, lambda at_s: divmod(at_s / period_s, 1.0), NEVER)
         self._is_changed = False  # by the schedule since the last event
 
     def _renew(self, rules: Rules) -> None:
-        """Go on with a new block, of a swarm of these rules to which nothing has happened."""
+        """Switch to the block of a new swarm with these rules."""
         self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
         self._scene = self._arrays.scene
         self._still: tuple[Arrays, IntArray] | None = None
         self._link_room = FIRST_ROOM * self.scenario.agents.count
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all but addresses, which are those of this process."""
+        """Return the state without addresses, which are valid in this process only."""
         left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_scene", "_still")
         kept = {name: value for name, value in vars(self).items() if name not in left_out}
         own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
         return {**kept, **own}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Go on from a state, in this process or another."""
+        """Restore a state, in this process or another."""
         block = state.pop("block")
         vars(self).update(state)
         self._rules = rules_of(self.scenario)
@@ -208,7 +208,7 @@ class ParticleSimulation:
                 limit, with which the call never returns if other agents hold the reference back for ever.
             pulses: Limit of pulses whose receivers are looked for, 1 or more, counted from now: a measure of the time
                 that the call takes. The instant that reaches it is completed. None for no limit.
-            share: Part of a period, below 1, by which the limit of periods lies later.
+            share: Part of a period, below 1, that is added to the limit of periods.
 
         Raises:
             ValueError: `cycles` is not a whole number from 0.
@@ -241,7 +241,7 @@ class ParticleSimulation:
     def _advance_through(
         self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0
     ) -> None:
-        """Simulate until a limit is reached, as `_advance` does, and carry out what the schedule has until then."""
+        """Simulate until a limit is reached, as `_advance` does, and carry out entries of the schedule on the way."""
         self._is_changed = False
         while self._timed.next <= end:
             self._advance(last_firing_before(self._timed.next), pulses, cycles, offset)
@@ -275,7 +275,7 @@ class ParticleSimulation:
         self._is_changed = True
 
     def _change(self, scenario: ParticleScenario) -> None:
-        """Go on with the speeds, neighbourhood and response of a scenario."""
+        """Switch to the speeds, neighbourhood and response of a scenario."""
         before = self._arrays
         if scenario.agents != self._present.agents:  # trajectories begin where agents are
             before.origin[:] = np.clip(self._observe().positions_now, 0.0, before.scene.side_cm)
@@ -288,7 +288,7 @@ class ParticleSimulation:
         self._present = scenario
 
     def _displace(self, displacement: AgentDisplacement, entry: int) -> None:
-        """Displace phases; random ones are drawn for all agents, whoever is displaced."""
+        """Displace phases; random phases are drawn for all agents, displaced or not."""
         swarm, by_cycles = self._observe(), displacement.by_cycles
         if isinstance(by_cycles, str):
             sequence = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE_SEED, entry))
@@ -300,11 +300,11 @@ class ParticleSimulation:
         forget_earliest(swarm)
 
     def displace(self, agent: int, cycles: float) -> None:
-        """Bring the next firing of an agent forward, before the first event; its phase is ahead by so much at most.
+        """Bring the next firing of an agent forward, before the first event.
 
         Args:
             agent: Index of the agent, from 0.
-            cycles: By how much, 0 or more; no further than to the present time.
+            cycles: Displacement of its phase, 0 or more; at most up to a firing at the present time.
 
         Raises:
             ValueError: There is no such agent, agents have fired already, or `cycles` is negative or NaN.
@@ -396,7 +396,7 @@ class ParticleSimulation:
     def adjacency(self) -> BoolArray:
         """Return (agents, agents) the adjacency matrix at the present time (eq. 5.6).
 
-        Row i, column j: whether agent j would receive a pulse of agent i; its phase is another matter.
+        Row i, column j: whether agent j would receive a pulse of agent i, whatever its phase.
 
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
@@ -412,7 +412,7 @@ class ParticleSimulation:
     def neighbour_links(self) -> IntArray:
         """Return (links,) the links from each agent to those that would receive its pulse at the present time.
 
-        They are ascending: the sender times the number of agents, plus the receiver.
+        A link is the number sender * agents + receiver; links are ascending.
 
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
@@ -420,7 +420,7 @@ class ParticleSimulation:
         return np.sort(self._find_links(self.headings(), np.arange(self.oscillators)))
 
     def _find_links(self, headings: FloatArray, senders: IntArray) -> IntArray:
-        """Return (links,) as `neighbour_links`, sender by sender as given: looked for in a swarm that stands still."""
+        """Return (links,) as `neighbour_links`, in the order of the senders, found in a swarm that stands still."""
         scenario, agents = self._present, self.oscillators
         if isinstance(scenario.neighbourhood, RandomAgents):
             raise ScenarioError(
@@ -444,12 +444,12 @@ class ParticleSimulation:
         return links[:found]
 
     def pulse_links(self) -> IntArray:
-        """Return who received whose pulse at the last instant at which agents fired, if no time has passed since.
+        """Return the links of the pulses at the last instant at which agents fired, if no time has passed since.
 
         Returns:
             (links, 3) agent that fires, agent that receives, and 1 where that shifts its phase, in the order of the
-            cascade; of 50 agents or more, those alone that shift a phase. There are no links if receivers are
-            drawn anew for each pulse: nobody else is shown whom.
+            cascade; with 50 agents or more, only links that shift a phase. There are no links if receivers are
+            drawn anew for each pulse: the drawn receivers are not exposed.
         """
         if isinstance(self._present.neighbourhood, RandomAgents):
             return np.empty((0, 3), np.int64)

@@ -1,9 +1,9 @@
 """A swarm of point agents as one block of memory, which Python and compiled code read alike.
 
 All that changes while time runs, and the rules, stand in one array of bytes: a record, the scene, and behind it one
-array for each quantity, each contiguous, as the inner loops need it. The scene knows where each array begins and ends.
-Nothing in a block is an address, so that a copy of the block is a copy of the swarm, in this process or another: what
-is called, a search for neighbours or a user's response curve, has a number in an array of addresses.
+array for each quantity, each contiguous, as the inner loops need it. The scene has the offsets at which each begins and
+ends. A block holds no addresses, so a copy of the block is a copy of the swarm, in this process or another: functions
+to call, such as a search for neighbours or a user's response curve, are numbers in an array of addresses.
 
 Compiled code takes from a block the arrays that it works on: `native.carve(block, Oscillators)` is a named tuple of
 those that belong together.
@@ -49,7 +49,7 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     "streams": (STREAM, "agents"),  # the agents' random number generators
     "run_end_cycle": (FLOAT, "agents"),  # the cycle in which each run ends, -1 before the first
     "run_end_time": (FLOAT, "agents"),  # the time in that cycle, 0 to 1
-    "run_speeds": (FLOAT, "run_speeds"),  # cm per cycle: what each run's speed is drawn from
+    "run_speeds": (FLOAT, "run_speeds"),  # cm per cycle: speeds from which each run's speed is drawn
     # neighbours
     "counts": (INT, "agents"),  # number of neighbours of each agent
     "cached_until": (FLOAT, "agents"),  # cycles: time until which each agent's cached neighbours are valid
@@ -84,17 +84,17 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
 }
 """The arrays of a block in their order: type, length, and what they hold.
 
-There are `agents` of most, one row of agents after the other with `rows`, an axis each, and one more of `events`. Some
-have a length of 0: `groups` and `parts` in small swarms, see `oscillators.BRANCHES`; `cell_starts` without a cell list;
-`run_speeds` where agents keep theirs; `curve`, bytes, where it is shipped. `members` are as many as an agent may have,
-times the agents if neighbours are cached.
+Most have the length `agents`; `rows` are one row of agents for each axis, one after the other; `events` are one more
+than agents. Some have a length of 0: `groups` and `parts` in small swarms, see `oscillators.BRANCHES`; `cell_starts`
+without a cell list; `run_speeds` where agents keep theirs; `curve`, bytes, where it is shipped. `members` has room for
+the neighbours of one agent, or of all agents if neighbours are cached.
 """
 
 _PLACES = {name: (dtype, 2 * WORD_BYTES * number) for number, (name, (dtype, _)) in enumerate(ARRAYS.items())}
 
 _RESPONSE = ("coupling", "refractory", "dissipation", "knee", "early_slope", "last_phase")
 RESPONSE = record_type([("curve", "i8"), *((name, "f8") for name in _RESPONSE)])
-"""A response curve and its parameters, see `phase_response.Response`; and where a user's curve was called last."""
+"""A response curve and its parameters, see `phase_response.Response`; and the phase of a user's curve's last call."""
 
 LIMITS = record_type(
     [
@@ -174,7 +174,7 @@ SCENE = record_type(
 SCENE_BYTES = SCENE.itemsize
 
 CURVE, SEARCH, CONTINUE, BEGIN_RUN, REORIENT = range(5)
-"""Numbers of what compiled code calls: a user's response curve, and the functions (block, addresses, agent, time) that
+"""Numbers of functions to call: a user's response curve, and the functions (block, addresses, agent, time) that
 find the receivers of an agent's pulse, continue an agent's trajectory, begin its next run, and reorient all agents."""
 
 CALLS = 5  # length of the array of addresses
@@ -230,7 +230,7 @@ KEPT_ARRAYS = (
 
 
 def keep_state(before: Arrays, after: Arrays) -> None:
-    """Have a swarm go on in another block, which begins with other rules."""
+    """Copy the state of a swarm to another block, which has other rules."""
     for name in KEPT_FIELDS:
         after.scene[name] = before.scene[name]
     for name in KEPT_ARRAYS:
@@ -240,7 +240,7 @@ def keep_state(before: Arrays, after: Arrays) -> None:
 # --- what compiled code takes from a block ------------------------------------------------------------
 
 
-_named_tuple: Any = namedtuple  # its own type asks for names that are literals
+_named_tuple: Any = namedtuple  # its own type demands literal names
 
 
 def _part(name: str, fields: str) -> Any:
