@@ -1,8 +1,8 @@
 """Compilation with numba, cached on disk in such a way that no edit can leave stale code behind.
 
 numba alone compares only the file of the function that it caches. Here each set of sources has a cache folder of its
-own, named after their contents. numba is loaded when the first function is compiled or called: who only reads users'
-files, which import kernels, needs none.
+own, named after their contents. numba is loaded when the first function is compiled or called: a process that only
+reads users' files, which import kernels, does not load it.
 """
 
 import hashlib
@@ -91,7 +91,7 @@ def bind(function: Any, **names: object) -> Any:
 
 
 def name_after(function: Any, contents_digest: str) -> Any:
-    """Name a function after its contents: by name, types and a count of functions, numba could take it for another."""
+    """Name a function after its contents: numba knows it by name, types and a count, and could take another for it."""
     function.__qualname__ = f"{function.__name__}_{contents_digest}"
     return function
 

@@ -1,7 +1,7 @@
-"""Additions to numba's public interface: the one file of the package that imports its inside.
+"""Additions to numba's public interface: the only file of the package that imports numba's internals.
 
-numba makes machine code of every function, with everything that it calls inside: of what is called through eight
-others, eight times. A part of another kernel needs none of its own, which saves a fifth of the time of compiling.
+numba makes machine code of every function together with all that it calls: a function called through eight others is
+compiled eight times. A part of another kernel needs no machine code of its own, which saves a fifth of compile time.
 Functions are called by addresses from an array: code that calls a controller, or Chipmunk, is compiled once, and kept.
 """
 
@@ -51,7 +51,7 @@ if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise NumbaError("NUMBA_DISABLE_JIT is set, but trials are compiled: unset it; --interpret is for controllers")
 
 
-if (_LARGE := "scipy.linalg.cython_blas") not in sys.modules:  # of which numba asks here whether it is there alone
+if (_LARGE := "scipy.linalg.cython_blas") not in sys.modules:  # numba only asks here whether it exists
     sys.modules[_LARGE] = ModuleType(_LARGE)
     import_module("numba.np.arraymath")
     del sys.modules[_LARGE]
@@ -66,7 +66,7 @@ WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 @lower_cast(types.float64, types.int64)  # type: ignore[untyped-decorator]
 def _to_whole_number(context: Any, builder: Any, _from: Any, to: Any, value: Any) -> Any:
-    """Make a whole number of a float: as Python does in users' code, whose bounds are checked, so within 64 bits."""
+    """Convert a float to a whole number; users' code, with checked bounds, raises as Python does, or beyond 64 bits."""
     if context.enable_boundscheck:
         infinite, least, beyond = (ir.Constant(value.type, limit) for limit in (math.inf, -(2.0**63), 2.0**63))
         is_infinite = (builder.fcmp_ordered("==", each, infinite) for each in (value, builder.fneg(value)))
@@ -85,7 +85,7 @@ def _to_whole_number(context: Any, builder: Any, _from: Any, to: Any, value: Any
 @lower_cast(types.Array, types.int64)  # type: ignore[untyped-decorator]
 @lower_cast(types.Array, types.boolean)  # type: ignore[untyped-decorator]
 def _to_one_number(context: Any, builder: Any, array: Any, to: Any, value: Any) -> Any:
-    """Make a number of an array without dimensions alone: numba takes the first of any."""
+    """Convert an array to a number only if it has no dimensions; numba would take the first number of any array."""
     if array.ndim:
         raise NumbaTypeError("setting one number with an array")
     return array0d_to_scalar(context, builder, array, to, value)
@@ -123,7 +123,7 @@ NEEDLESS = (InlineClosureLikes, InlineOverloads, NopythonRewrites)
 
 class _PartCompiler(CompilerBase):
     def define_pipelines(self) -> list[Any]:
-        """Return numba's passes with `_PartLowering`, and without those for what no kernel has."""
+        """Return numba's passes with `_PartLowering`, and without `NEEDLESS`, for which no kernel has any use."""
         manager: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)
         needed = [(each, text) for each, text in manager.passes if each not in NEEDLESS]
         manager.passes = [(_PartLowering if each is NativeLowering else each, text) for each, text in needed]
@@ -134,7 +134,7 @@ class _PartCompiler(CompilerBase):
 def compile_part(function: Any, **options: object) -> Any:
     """Return a function that is compiled as part of others, by numba's `njit` with these options.
 
-    numba would compile a part for each constant that it is given, and for what a variable of its caller begins with.
+    Literal types are widened: numba would compile a part for each constant passed to it or first set in a variable.
     """
     compiler: Any = njit
     part = compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
@@ -201,7 +201,7 @@ def seal(contents: bytes) -> bytes:
 
 
 def _unsealed(path: str) -> bytes | None:
-    """Return the contents of a file that holds what `seal` returned; None where it does not, or is not there."""
+    """Return the contents of a file that `seal` has completed; None if it is missing, or its digest is wrong."""
     try:
         sealed = Path(path).read_bytes()
     except OSError:
@@ -211,9 +211,9 @@ def _unsealed(path: str) -> bytes | None:
 
 
 def seal_cache(compiled: Any) -> None:
-    """Have what numba keeps on disk of a function checked before it is used.
+    """Have numba's files of a function on disk checked before they are used.
 
-    To run it takes no more of numba than its memory; all that compiles, which takes a tenth of a second, can wait.
+    To run it, only numba's memory management is set up; its compiler, which takes a tenth of a second, can wait.
     """
     cache = compiled._cache
     cache._cache_file.__class__ = _SealedFiles
@@ -235,7 +235,7 @@ def _compilations() -> list[tuple[bool, Any]]:
 
 
 def count_compiled() -> tuple[int, int]:
-    """Return how many functions this process has compiled, of how many; what the cache holds does not count."""
+    """Return how many functions this process has compiled, and of how many; cached functions do not count."""
     planned: set[CodeType] = set()
     events = _compilations()
     todo = [function for _, function in events]
@@ -249,7 +249,7 @@ def count_compiled() -> tuple[int, int]:
 
 
 def compiled_now() -> Path | None:
-    """Return the file of which a function is being compiled, but this package's and numba's own; None if none is."""
+    """Return the file, not of this package or numba, of a function that is being compiled; None if there is none."""
     begun: list[Any] = []
     for begins, function in _compilations():
         if begins:
@@ -269,16 +269,16 @@ def function_address(function: Any) -> int:
 
 
 def compile_call(function: Any, contents_digest: str, *takes: Any) -> Any:
-    """Compile a function that other code calls by its address, which takes (block, addresses, number) if nothing else.
+    """Compile a function to be called by its address, with arguments (block, addresses, number), or of types `takes`.
 
-    Errors are Python's.
+    It raises the errors that Python would.
     """
     compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True)
     compiled.compile(takes or (BLOCK, ADDRESSES, INTP))
     (result,) = compiled.overloads.values()
     module = result.library._get_module_for_linking()
     if any(each.name.startswith(".numba.unresolved$") for each in module.global_variables):
-        # it calls itself, at an address of this process: numba would end another that takes it from the cache
+        # it calls itself, at an address of this process: a process that took it from the cache would crash
         shutil.rmtree(open_cache(contents_digest), ignore_errors=True)
     return compiled
 
@@ -300,7 +300,7 @@ def address_of(kernel: Any, *further: Any) -> int:
 def compile_elsewhere(parts: Mapping[str, tuple[Any, tuple[Any, ...]]], target: str, features: str) -> bytes:
     """Return the object file, for another machine, of parts with their types of arguments, by their names there.
 
-    What depends on this machine is left out from then on: nothing that the process compiles may be kept on disk.
+    Optimisation for this machine is off from then on: nothing that the process compiles may be kept on disk.
     """
     for name in ("_optimize_functions", "_optimize_final_module"):
         setattr(JITCodeLibrary, name, lambda *_: None)
@@ -335,7 +335,7 @@ _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leav
 
 
 def _call_compiled(result: Any) -> Any:
-    """Return the generator of a call of a compiled function, which raises what that raises."""
+    """Return the generator of a call of a compiled function, which passes on the errors raised there."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kinds, convention = tuple(signature.args[1]), context.call_conv
@@ -448,8 +448,8 @@ def row_at(context: Any, rows: Any, row: Any, length: Any) -> Any:  # noqa: ARG0
 def carve(context: Any, block: Any, part: Any) -> Any:  # noqa: ARG001
     """Return arrays of a block as a named tuple, which does not own them.
 
-    The tuple's class, `part`, has `places`: of each field, the type of the array and the offset in the block of two
-    numbers, where it begins and where it ends; None for the record that begins the block.
+    The tuple's class, `part`, has `places`: for each field, the type of the array and the offset in the block of two
+    numbers, at which bytes it begins and ends; for the record that begins the block, None instead of the offset.
     """
     places = part.instance_class.places
     kinds = [from_dtype(dtype) if at is None else types.Array(from_dtype(dtype), 1, "C") for dtype, at in places]
@@ -472,7 +472,7 @@ def carve(context: Any, block: Any, part: Any) -> Any:  # noqa: ARG001
 
 @_intrinsic
 def unlikely(context: Any, flag: Any) -> Any:  # noqa: ARG001
-    """Return a flag, which compiled code expects to be false: what it leads to is laid out of the way of the rest."""
+    """Return a flag that compiled code expects to be false: the branch that it leads to is placed out of the way."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
         boolean = ir.IntType(1)
