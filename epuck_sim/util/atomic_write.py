@@ -12,7 +12,7 @@ from typing import TextIO
 
 from epuck_sim.errors import EpuckSimError
 
-LEFT_S = 24 * 3600.0  # age in seconds from which a temporary file is taken for that of a killed process, and removed
+LEFT_S = 24 * 3600.0  # age in seconds after which a temporary file counts as left by a killed process, and is removed
 
 _unfinished: set[Path] = set()
 
@@ -22,8 +22,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
     """Yield the path of a temporary file to write, which takes the name `path` when the block ends without an error.
 
     The temporary file lies in the same folder and has a name of its own, so that neither a user's file nor another
-    writer of `path` is touched. It is removed on every error, Ctrl-C included. A file of this name that is there keeps
-    its permissions; a link stays one, and the file that it leads to is written.
+    writer of `path` is touched. It is removed on every error, Ctrl-C included. An existing file keeps its permissions;
+    a link stays a link, and the file that it leads to is written.
     """
     check_target(path)
     with write_errors(path), temporary_path(path) as part:
@@ -43,8 +43,8 @@ def growing_text(path: Path) -> Iterator[TextIO]:
 def temporary_path(path: Path) -> Iterator[Path]:
     """Yield an unused name beside `path`, FILE.*.part; the file or folder of that name is removed when the block ends.
 
-    The caller creates it, with the permissions that the user's umask gives to new files. What killed processes have
-    left of this kind is removed.
+    The caller creates it, with the permissions that the user's umask gives to new files. Files of this kind that killed
+    processes have left are removed.
     """
     path = _behind_links(path)
     with suppress(OSError):
@@ -77,7 +77,7 @@ def _behind_links(path: Path) -> Path:
 
 
 def sync_folder(folder: Path) -> None:
-    """Have the names of the files in a folder reach the disk, where the system can do so."""
+    """Write the names of the files in a folder to the disk at once, where the system can do so."""
     with suppress(OSError):
         number = os.open(folder, os.O_RDONLY)
         try:

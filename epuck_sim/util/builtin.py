@@ -13,7 +13,7 @@ ARENAS, SWEEPS, ROBOTS, CONTROLLERS = "arenas", "arenas/sweeps", "arenas/robots"
 """Kinds of files, and their folders: arenas with one scenario each, sweeps of scenarios, robots, their controllers."""
 
 TEMPLATES = "arenas/new"
-"""Folder of the commented files that `epuck-sim new` copies: NAME in them is the name that the user has given."""
+"""Folder of the commented files that `epuck-sim new` copies: NAME in them stands for the name that the user gives."""
 
 
 def builtin_folder(kind: str) -> Path:

@@ -23,7 +23,7 @@ ROOM_BYTES = 4_000_000  # free space that a folder needs to be used: some more t
 def cache_root(*, to_fill: bool = False) -> Path:
     """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one.
 
-    What others can write to is not used, as what lies there is run; nor what is full, if it is to be filled.
+    A folder that others can write to is not used, as its code is run; nor one without room, if it is to be filled.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
@@ -68,7 +68,7 @@ def _is_private(folder: Path) -> bool:
 
 
 def remove_unused(paths: Iterable[Path], is_compiled: Callable[[Path], bool]) -> None:
-    """Remove of these paths what `is_compiled` and was not used for `UNUSED_S`, but for other users' files."""
+    """Remove those of these paths that are compiled code, unused for `UNUSED_S`, and not another user's."""
     limit_s = time.time() - UNUSED_S
     for path in paths:
         with suppress(OSError):  # another process is removing it

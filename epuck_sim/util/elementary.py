@@ -12,7 +12,7 @@ _kernels: dict[str, Any] = {}
 
 
 def _kernel(name: str, compiler: Callable[[Any], Any] = jit_inline) -> Any:
-    """Compile a function that calls no others but those that have been compiled before."""
+    """Compile a function that calls only functions that have been compiled before."""
     _kernels[name] = compiler(bind(_plain[name], **_kernels))
     return _kernels[name]
 

@@ -2,7 +2,7 @@
 
 Seed sequences are numpy's `SeedSequence`, with states in arrays: a sequence mixes the words of its seed, and then those
 of its spawn key, into a pool of four. A child's pool is its parent's with one more number mixed in, so that a trial's
-seed is mixed once, and each part of the trial goes on there.
+seed is mixed once, and each part of the trial continues from there.
 
 Generators are numpy's SFC64 and PCG64, each a row of words, and what its `Generator` draws from them. Normal numbers
 come by a ziggurat of 256 layers (Marsaglia and Tsang 2000). numpy keeps its tables in its machine code; here they are
@@ -78,7 +78,7 @@ def _hashed(value: np.uint64, sequence: WordArray) -> np.uint64:
 
 @jit_no_alloc
 def _mix_in(word: np.uint64, sequence: WordArray, but: int = _POOL) -> None:
-    """Mix a word of 32 bits into the whole pool, `but` for a place."""
+    """Mix a word of 32 bits into the pool, except at the place `but`."""
     for place in range(_POOL):
         if place != but:
             mixed = _LEFT * sequence[place] - _RIGHT * _hashed(word, sequence) & _LOWER
@@ -99,7 +99,7 @@ def begin_sequence(sequence: WordArray, words: WordArray) -> None:
 
 @jit_no_alloc
 def spawn(child: WordArray, parent: WordArray, key: int) -> None:
-    """Set a sequence, which may be the parent, to the parent's child of a number, 0 or more."""
+    """Set `child`, which may be the parent itself, to the parent's child of number `key`, 0 or more."""
     for place in range(SEQUENCE_WORDS):
         child[place] = parent[place]
     word = np.uint64(key)
@@ -116,7 +116,7 @@ def _drawn(word: np.uint64, factor: np.uint64) -> np.uint64:
 
 @jit_no_alloc
 def draw_row(row: WordArray, sequence: WordArray, factor: np.uint64) -> np.uint64:
-    """Write words that begin with the pool's first, and return the factor after them."""
+    """Write words drawn from the pool, beginning with its first word; return the factor after them."""
     for word in range(len(row)):
         place = 2 * word % _POOL
         lower = _drawn(sequence[place], factor)
@@ -254,7 +254,7 @@ def integer_between(low: int, high: int, generator: WordArray) -> int:
 
 @jit_no_alloc
 def choose(chosen: IntArray, among: IntArray, generator: WordArray) -> None:
-    """Write (k,) different numbers below n, as `Generator.choice(n, k, replace=False)` does; among: (n,) room, lost."""
+    """Write (k,) different numbers below n, as `Generator.choice(n, k, replace=False)` does; among: (n,) scratch."""
     count, numbers = len(chosen), len(among)
     if numbers > TAIL_LIMIT and count > numbers // TAIL_SHARE:
         for number in range(numbers):

@@ -38,7 +38,7 @@ def blocked(*names: str) -> Iterator[None]:
 
 
 def allow_files(needed: int) -> int | None:
-    """Have this process keep this many files open, if it may; return how many it may where that is less."""
+    """Raise this process's limit of open files to what is needed; return the hard limit instead if that is lower."""
     if resource is None:
         return None
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -49,7 +49,7 @@ def allow_files(needed: int) -> int | None:
     return None
 
 
-# --- memory: what needs more than there is, is refused before it takes any ----------------------------
+# --- memory: trials that need more than is free are refused before they take any ----------------------
 
 NEGLIGIBLE_BYTES = 64_000_000
 """Need in bytes below which free memory is not looked up: that takes as long as the start of a small trial."""
@@ -74,7 +74,7 @@ def in_bytes(count: float) -> str:
 
 
 def lack_of_memory(needed_bytes: int) -> str | None:
-    """Return the phrase for what needs more memory than there is; None if there is enough, or little is needed."""
+    """Return the phrase for a lack of memory; None if there is enough, or if little is needed."""
     if needed_bytes < NEGLIGIBLE_BYTES or needed_bytes <= (available := available_bytes()):
         return None
     return f"needs about {in_bytes(needed_bytes)} of memory, and {in_bytes(available)} are available here"
@@ -132,7 +132,7 @@ BLOCKED_PORTS = frozenset(
         *(4190, 5060, 5061, 6000, 6566, *range(6665, 6670), 6679, 6697, 10080),
     }
 )
-"""Ports at which browsers open no pages, as other protocols have them: the bad ports of the Fetch standard."""
+"""Ports at which browsers open no pages, as other protocols use them: the bad ports of the Fetch standard."""
 
 
 def free_port() -> int:

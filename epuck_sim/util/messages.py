@@ -58,7 +58,7 @@ def counted(number: int, what: str) -> str:
 
 
 def whole(name: str, value: object, least: int = 1) -> int:
-    """Return a whole number, which may be numpy's, as Python's; ValueError says what is allowed."""
+    """Return a whole number of Python or numpy as an int; raise ValueError if it is not whole or below `least`."""
     if not isinstance(value, Integral) or value < least:
         raise ValueError(f"{name} is {value!r}; allowed: whole numbers from {least}")
     return int(value)
