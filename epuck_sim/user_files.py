@@ -1,7 +1,7 @@
-"""Files that users write, and what installed packages offer: found by name, loaded, and refused with file and line.
+"""Files that users write or installed packages offer: found by name, loaded, and refused with file and line.
 
 Controllers, measures, response curves, rewards and scenarios are each one `Kind`. A function that is `kept` loads the
-files of a kind: what it returns has `sources`, the files that it comes from, and is loaded again when one has changed.
+files of a kind: the object it returns has `sources`, the files it comes from, and is loaded again when one has changed.
 """
 
 import ast
@@ -67,11 +67,11 @@ class Kind:
     group: str
     """Group of the entry points by which packages offer it; each names a module, whose file has the first ending."""
     shipped: Callable[[], Mapping[str, Path | None]]
-    """Returns the file of what is shipped, or None where it has none of its own, by name."""
+    """Returns the shipped files by name; None for a shipped thing that has no file of its own."""
     form: str = ""  # how a file is given, for messages
 
     def locate(self, name: str, folder: Path | None = None) -> Place:
-        """Return where something comes from."""
+        """Return the place of a file, looked for in `folder` first, or of a name that is shipped or offered."""
         if not (name.endswith(self.suffixes) or "/" in name or "\\" in name):  # it names no file
             return self.named(name)
         folders = dict.fromkeys([folder or Path(), Path()])
@@ -90,7 +90,7 @@ class Kind:
         return next((place for place in known if place.path == path), Place(str(path), path))
 
     def named(self, name: str) -> Place:
-        """Return where something comes from that is shipped, or offered by an installed package."""
+        """Return the place of a name that is shipped, or offered by an installed package."""
         places = self.offers.get(name, [])
         if len(places) == 1:
             return places[0]
@@ -158,7 +158,7 @@ _Loaded = TypeVar("_Loaded", bound=HasSources)
 
 
 def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
-    """Return a function that loads a file again only when one that it comes from has changed."""
+    """Return a function that loads a file again only when one of its sources has changed."""
     loaded: dict[Place, tuple[list[int], _Loaded]] = {}
 
     @wraps(load)
@@ -189,7 +189,7 @@ class PythonFile(NamedTuple):
     error: type[EpuckSimError]  # what is raised for it
 
     def refusal(self, part: str, said: str) -> EpuckSimError:
-        """Return the error that says something of a part of the file, with the line of its definition if it has one."""
+        """Return the error about a part of the file, with the line of the part's definition if it has one."""
         where = f"{self.path}:{line_of_definition(part, self.sources[self.path])}" if part in self.parts else self.path
         return self.error(f"{where}: {said}")
 
@@ -226,10 +226,10 @@ class PythonFile(NamedTuple):
 
 
 def load_python_file(place: Place, error: type[EpuckSimError], more_folders: Sequence[Path] = ()) -> PythonFile:
-    """Run a file, and return it as a module of its own. Nothing that it imports beside it stays in `sys.modules`.
+    """Run a file as a module of its own, and return it. Files beside it that it imports do not stay in `sys.modules`.
 
-    It has copies of its own of the files that it imports: two files of one name in two folders are never mistaken for
-    each other, an edit is noticed, and what it does depends on files alone.
+    It gets its own copies of the files that it imports: two files of one name in two folders are never confused, an
+    edit is noticed, and its behaviour depends on files alone.
     """
     path = place.path
     assert path is not None
@@ -291,7 +291,7 @@ def fingerprint(value: object) -> object:
 
 
 def line_of_error(error: BaseException, files: Collection[Path]) -> str | None:
-    """Return FILE:LINE of the last of some files that an error has passed through; None if it has passed none."""
+    """Return FILE:LINE of the last line in some files that an error has passed; None if it has passed none."""
     if isinstance(error, SyntaxError) and error.filename is not None and Path(error.filename) in files:
         return f"{error.filename}:{error.lineno}"
     passed = [frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) in files]
@@ -338,7 +338,7 @@ def typed(name: str, given: object, default: _Parameter) -> _Parameter:
 def run_check(
     check: Callable[[SimpleNamespace], object] | None, values: Mapping[str, object], sources: Collection[Path]
 ) -> None:
-    """Call the function `check(parameters)`, if there is one, of a file that is made from `sources`."""
+    """Call the function `check(parameters)` of a file with these sources, if there is one."""
     if check is None:
         return
     try:
