@@ -12,8 +12,8 @@ from epuck_sim.geometry import contains, polygon_distance_cm
 PATCH = np.dtype(
     [("brightness", "f8"), ("x", "f8"), ("y", "f8"), ("radius", "f8"), ("first_edge", "i8"), ("edge_count", "i8")]
 )
-"""A patch of a floor: brightness from 0, black, to 1, white; of a disc centre and radius in cm; of a convex polygon the
-mean of its corners, radius 0, and which of the floor's edges are its own."""
+"""A patch of a floor: brightness from 0, black, to 1, white; for a disc, centre and radius in cm; for a convex polygon,
+the mean of its corners, radius 0, and its range among the floor's edges."""
 
 LAMP_SHARE = 1 / 80  # radius of a lamp's dot in pictures, as a share of the arena's longer side
 
@@ -34,7 +34,7 @@ class Floor:
 
     @property
     def is_white(self) -> bool:
-        """Whether it is white everywhere, and nothing is drawn of it."""
+        """Whether it is white everywhere, so that nothing of it is drawn."""
         return self.brightness == 1 and not len(self.patches) and not self.picture.size
 
 

@@ -1,9 +1,9 @@
 """Elementary functions whose results are the same on every machine: sine, exponential, logarithm and their kin.
 
-Those of the systems' libraries differ in the last digit, and from there on a trial goes another way. These take nothing
-but sums, products and quotients, which all processors round alike (IEEE 754). Algorithms and coefficients are those of
-FreeBSD's msun, which has them from Sun Microsystems' fdlibm (1993); results are less than one unit in the last place
-from the exact ones, but for those of `atan2` and `hypot`, less than two.
+Functions of system libraries differ in the last digit, and from there on a trial takes another course. These use only
+sums, products and quotients, which all processors round alike (IEEE 754). Algorithms and coefficients are those of
+FreeBSD's msun, which has them from Sun Microsystems' fdlibm (1993); errors of results are below one unit in the last
+place, or below two for `atan2` and `hypot`.
 
 They are plain Python; `util.elementary` has them as kernels, equal to the bit. Nothing raises, unlike in Python's
 `math`: what is not defined is NaN, and what is too large is infinite.
@@ -25,7 +25,7 @@ _QUARTER, _QUARTER_REST = 1.57079632679489655800, 6.12323399573676603587e-17
 _EIGHTH, _EIGHTH_REST = 7.85398163397448278999e-01, 3.06161699786838301793e-17
 
 _LARGE_RAD = 1e6
-"""Angle up to which 118 bits of pi / 2 are enough, unless it is as near to a multiple as no random angle is."""
+"""Angle up to which 118 bits of pi / 2 are enough, unless it is nearer to a multiple than any random angle."""
 
 _NEAR_RAD = 2.0**-58  # distance from a quarter turn within which they are too few; of n quarter turns, n times as far
 _TO_WHOLE = 6755399441055744.0  # 1.5 * 2**52: a number to which this has been added has no bits left for a fraction

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 CODE_CHECKS: list[Callable[[Path], object]] = []
-"""Checks that a command makes of each file of code before it is loaded, the last first; they raise an EpuckSimError."""
+"""Checks by a command of each file of code before it is loaded, the last check first; they raise an EpuckSimError."""
 
 
 class EpuckSimError(Exception):
@@ -48,4 +48,4 @@ class PortError(EpuckSimError):
 
 
 class NumbaError(EpuckSimError, ImportError):
-    """A numba that compiles no trial; the server from which workers are forked passes an ImportError over."""
+    """A numba that cannot compile trials; an ImportError, as the server that forks workers ignores those."""

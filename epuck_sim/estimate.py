@@ -16,7 +16,7 @@ times as wide as the mean; with 3 they are 3 to 8 times as wide, and tell nothin
 DIGITS = 3  # significant digits of numbers that people read; JSON has all of them
 
 PLAIN = (1e-4, 1e7)
-"""Ends of the range of sizes whose numbers are written out; others have a power of ten."""
+"""Range of absolute values that are written out; other numbers have a power of ten."""
 
 
 class Estimate(NamedTuple):
@@ -31,7 +31,7 @@ class Estimate(NamedTuple):
     """Name of the statistic: mean, restricted mean, median, share."""
     unit: str = ""
     n: int = 0
-    """Number of trials that it is of; 0 where it is not of trials."""
+    """Number of trials from which it is estimated; 0 where there are none."""
     censored: float = 0.0
     """Share of these that is censored."""
 
@@ -46,7 +46,7 @@ class Estimate(NamedTuple):
         return self.value, self.low, self.high
 
     def apply(self, function: Callable[[float], float]) -> "Estimate":
-        """Return the estimate of a rising function of what is estimated."""
+        """Return the estimate of a rising function of the estimated number."""
         value, low, high = map(function, self.ends)
         return self._replace(value=value, low=low, high=high)
 
