@@ -118,7 +118,7 @@ def assign_bytes(swarm: Swarm, number: int, controller: Controller, first: int) 
 class GroupControllers(UserCode):
     """The controllers of one group of robots."""
 
-    controller: Controller  # what runs on the robots
+    controller: Controller  # controller of the robots
 
     def __init__(
         self,

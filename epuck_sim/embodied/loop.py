@@ -177,7 +177,7 @@ def act_again(block: ByteArray, addresses: IntArray) -> None:
     """Carry out the actuators' commands from the last control step on, as if controllers had given them in it."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
-    if scene.step >= 0:  # before, nobody can act
+    if scene.step >= 0:  # before the first step, no robot can act
         apply_commands(swarm)
         make_calls(block, addresses, scene.late, scene.calls)
 

@@ -66,7 +66,7 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
     """Find the robots that the robots of a group see in some steps.
 
     A camera sees a robot if a pixel of the central window shows it; a robot that shows on both sides of an obstacle
-    counts once. The ideal sensor and Enki's camera see robots whose rings they would perceive; radios see nobody.
+    counts once. The ideal sensor and Enki's camera see robots whose rings they would perceive; a radio sees none.
 
     Poses are (steps, robots, 3) cm, cm, rad; `listed`, (steps, robots), flags the robots that can be seen, by default
     all. Return (sightings, 3) step, observer, robot seen: ordered by step, by observer, and from left to right, or, for

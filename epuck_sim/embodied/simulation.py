@@ -379,7 +379,7 @@ class Simulation:
         self._note("command", **commands)
 
     def set_parameters(self, group: int = 0, /, **values: Value) -> None:
-        """Change parameters of a group's controllers from the next step on; its robots keep what they remember.
+        """Change parameters of a group's controllers from the next step on; its robots keep their memories.
 
         Args:
             group: Number of the group in the scenario.

@@ -104,13 +104,13 @@ def parked_poses(robots: IntArray) -> FloatArray:
 
 
 def parked(poses: FloatArray) -> FloatArray:
-    """Return (..., robots, 3) poses in which robots that are not in the arena, with poses of NaN, are parked."""
+    """Return (..., robots, 3) poses with NaN, for robots not in the arena, replaced by the poses of parked robots."""
     return np.where(np.isnan(poses), parked_poses(np.arange(poses.shape[-2])), poses)
 
 
 @jit_no_alloc
 def clearance_cm(swarm: Swarm, x: float, y: float, circles: int) -> float:
-    """Return the distance, cm, from a point to walls, polygons and the first `circles`; negative beyond or inside."""
+    """Return the least distance, cm, of a point from walls, polygons and first `circles`; negative beyond or inside."""
     scene = swarm.scene[0]
     clearance: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
     for index in range(circles):

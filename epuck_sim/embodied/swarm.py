@@ -61,7 +61,7 @@ ROBOT = record_type(
         ("in_space", "?"),  # whether its body is in Chipmunk's space
         ("is_stuck", "?"),  # whether it stays where it is, whatever is commanded
         ("sends", "?"),  # whether its radio pulse is on the air
-        ("actuators", ACTUATORS),  # what its controller sets
+        ("actuators", ACTUATORS),  # commands of its controller
         ("sensors", SENSED),
         ("wheel_limit_cm_s", "f8"),  # largest speed of a wheel
         ("wheel_base_cm", "f8"),  # distance between its wheels

@@ -271,7 +271,7 @@ def freeze(block: ByteArray, _addresses: IntArray, number: int) -> None:
 
 @jit_no_alloc
 def fail_actuators(block: ByteArray, _addresses: IntArray, _number: int) -> None:
-    """Light rings that are commanded to, or stuck on, unless they are dead; stop dead wheels, whose commands stay."""
+    """Light rings that are commanded to be lit, or stuck on, unless dead; stop dead wheels, whose commands stay."""
     swarm = swarm_at(block)
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]

@@ -1,7 +1,7 @@
-"""Replaces controllers between two control steps of a running trial, also whenever their file is saved.
+"""Replaces controllers between two control steps of a running trial, also when their file is saved.
 
-Memories may have another size then, so the swarm moves to a new block. The old one stays as it is: if the new
-controller is refused, the trial continues there.
+A new controller's memory may have another size, so the swarm moves to a new block. The old one stays as it is: if the
+new controller is refused, the trial continues there.
 """
 
 import time

@@ -1,7 +1,7 @@
 """Changes of a schedule: robots that come and go, walls, phases, and faults.
 
 Robots that are not in the arena are parked far outside, at rest and in the dark. There they touch nothing, hide nobody
-and are not seen; what they would sense there is blanked, and their controllers do not run.
+and are not seen; their readings are blanked, and their controllers do not run.
 """
 
 import math

@@ -93,7 +93,7 @@ class Picture(NamedTuple):
     """A camera's picture while it is being taken."""
 
     rays: Any  # (pixels,) RAY: where pixels look
-    labels: IntArray  # (robots,) what a pixel that shows the robot becomes
+    labels: IntArray  # (robots,) value of a pixel that shows the robot
     row: IntArray  # (pixels,) label of the nearest surface
     depth: FloatArray  # (pixels,) cm: a nearer surface changes the pixel; -inf where nothing can change it
 
