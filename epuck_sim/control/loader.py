@@ -44,7 +44,7 @@ CONTROLLER = Kind(
 """How controllers are found."""
 
 DRAW = "draw by epuck_sim.util.rng.uniform(random)"
-"""Advice for controllers and sensors that draw random numbers without a seed of the trial."""
+"""Advice for controllers and sensors whose random numbers do not follow from the trial's seed."""
 
 CONTROLLER_PARTS = {
     "PARAMETERS": "a mapping of names to default values",

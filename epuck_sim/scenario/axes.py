@@ -98,7 +98,7 @@ def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin:
 
 
 def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels") -> None:
-    """Raise EpuckSimError if `panels` is not an axis beside `x`; `origin` is what messages call it."""
+    """Raise EpuckSimError if `panels` is not an axis beside `x`; `origin` is its name in messages."""
     others = other_axes(rows, x)
     if panels is not None and panels not in others:
         raise EpuckSimError(f"{origin}: {did_you_mean(panels, others)}; other axes: {comma_list(others)}")

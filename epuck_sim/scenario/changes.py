@@ -114,9 +114,9 @@ class CameraMisses(FaultSection):
     missed: Annotated[Number, Field(gt=0, le=1)]
     """Probability with which a flash is missed, drawn for each flash, sender and receiver."""
     nearer_than_cm: Positive | None = None
-    """Only flashes of robots nearer than this, from centre to centre, or `farther_than_cm` if given, are missed."""
+    """Only flashes from nearer than this, centre to centre, or farther than `farther_than_cm` if given, are missed."""
     farther_than_cm: Positive | None = None
-    """Only flashes of robots farther than this, or `nearer_than_cm` if given, are missed."""
+    """Only flashes from farther than this, or nearer than `nearer_than_cm` if given, are missed."""
 
 
 class SensorDead(FaultSection):

@@ -298,7 +298,7 @@ class StartSection(ConfigModel):
     and headings of that scenario's trial with the same seed."""
 
     def check_fits(self, agents: int, dimensions: int, side_cm: float) -> None:
-        """Raise ValueError if what is given does not fit the agents and their space."""
+        """Raise ValueError if given values do not fit the agents and their space."""
         for name in ("phases", "positions_cm", "headings"):
             rows = getattr(self, name)
             if isinstance(rows, tuple) and len(rows) != agents:

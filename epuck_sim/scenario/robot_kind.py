@@ -261,7 +261,7 @@ class RobotKind(ConfigModel):
     radius_cm: Annotated[Positive, Field(ge=0.5, le=50)] = epuck.RADIUS_CM
     """Radius of the body, a disc around the axle's centre."""
     height_cm: Positive = epuck.HEIGHT_CM
-    """Height of the body; films alone depend on it."""
+    """Height of the body; only films depend on it."""
     mass_g: Positive = epuck.MASS_G
     """Mass; among robots of one mass it matters only where there are `arena.movables`."""
     wheel_base_cm: Positive = epuck.WHEEL_BASE_CM
@@ -269,9 +269,9 @@ class RobotKind(ConfigModel):
     wheel_limit_cm_s: Positive = epuck.WHEEL_LIMIT_CM_S
     """Largest speed of a wheel, forwards or backwards; commands are limited to it."""
     ring_radius_cm: Positive = epuck.RING_RADIUS_CM
-    """Radius of the ring of LEDs; films alone depend on it."""
+    """Radius of the ring of LEDs; only films depend on it."""
     ring_height_cm: Positive = epuck.RING_HEIGHT_CM
-    """Height of the ring above the floor; films alone depend on it."""
+    """Height of the ring above the floor; only films depend on it."""
     infrared: ProximitySection | None = ProximitySection.model_construct()
     camera: CameraMount | None = CameraMount.model_construct()
 

@@ -165,7 +165,7 @@ class RobotGroup(ConfigModel):
         names: dict[str, Sequence[str]] = {}
         sensors = values["sensors"]
         files = {name: each[FILE] for name, each in sensors.items()} if isinstance(sensors, Mapping) else {}
-        with suppress(EpuckSimError):  # what is wrong with files is said when the scenario is validated
+        with suppress(EpuckSimError):  # errors in files are reported when the scenario is validated
             found = {name: find_sensor(file, folder).parameters for name, file in files.items()}
             names["sensors"] = [f"{name}.{parameter}" for name, each in found.items() for parameter in each]
         with suppress(EpuckSimError):

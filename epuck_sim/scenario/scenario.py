@@ -248,7 +248,7 @@ class Scenario(ConfigModel):
     def conditions(self) -> dict[str, tuple[Condition, int | None]]:
         """Conditions that trials wait for, by their dotted keys: that of their end, and those of a schedule.
 
-        With each, the number of firings of the reference in a row at which it must hold; None: once, at any time.
+        With each, the number of firings of the reference in a row at which it must hold; None: once at any moment.
         """
         schedule = enumerate(getattr(self, "schedule", ()))
         awaited = {condition_key(number): (entry.when, entry.for_cycles) for number, entry in schedule if entry.when}
