@@ -8,7 +8,7 @@ import os
 def main() -> None:
     """Run the command; worker processes import this module, too, and must not wait for the command line."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # it would look through all installed packages
-    gc.set_threshold(300_000, 50, 50)  # what is loaded makes a quarter of a million objects, and no garbage
+    gc.set_threshold(300_000, 50, 50)  # imports make a quarter of a million objects, and no garbage
     atexit.register(gc.freeze)  # leaves nothing to the last collections: an eighth of a command's time
     from epuck_sim.cli.app import main as run_command  # noqa: PLC0415
 

@@ -6,7 +6,7 @@ FreeBSD's msun, which has them from Sun Microsystems' fdlibm (1993); errors of r
 place, or below two for `atan2` and `hypot`.
 
 They are plain Python; `util.elementary` has them as kernels, equal to the bit. Nothing raises, unlike in Python's
-`math`: what is not defined is NaN, and what is too large is infinite.
+`math`: results that are not defined are NaN, and those that are too large are infinite.
 """
 
 import math
@@ -99,7 +99,7 @@ def _reduce_exactly(angle: float) -> tuple[int, float, float]:
 
 
 def _reduce(angle: float) -> tuple[int, float, float]:
-    """Return how many quarter turns are nearest to an angle, up to a multiple of 4, and what remains, in two parts."""
+    """Return the number of quarter turns nearest to an angle, up to a multiple of 4, and the rest, in two parts."""
     quarters = (angle * _QUARTERS_PER_RAD + _TO_WHOLE) - _TO_WHOLE
     begin = angle - quarters * _QUARTER_1
     missed = quarters * _QUARTER_2

@@ -31,7 +31,7 @@ class Estimate(NamedTuple):
     """Name of the statistic: mean, restricted mean, median, share."""
     unit: str = ""
     n: int = 0
-    """Number of trials from which it is estimated; 0 where there are none."""
+    """Number of trials from which it is estimated; 0 if it is not estimated from trials."""
     censored: float = 0.0
     """Share of these that is censored."""
 

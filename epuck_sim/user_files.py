@@ -61,8 +61,8 @@ class Place(NamedTuple):
 class Kind:
     """A kind of file that users write, that is shipped, and that installed packages offer by entry points."""
 
-    noun: str  # what it is called in messages
-    error: type[EpuckSimError]  # what is raised for files of this kind
+    noun: str  # its name in messages
+    error: type[EpuckSimError]  # class of the errors about files of this kind
     suffixes: tuple[str, ...]  # endings of its files
     group: str
     """Group of the entry points by which packages offer it; each names a module, whose file has the first ending."""
@@ -186,7 +186,7 @@ class PythonFile(NamedTuple):
     sources: Mapping[Path, bytes]
     """Contents of the file, and of every file beside it that it imports, at the time of loading."""
     modules: Mapping[Path, ModuleType]  # the module made from each of these files
-    error: type[EpuckSimError]  # what is raised for it
+    error: type[EpuckSimError]  # class of the errors about it
 
     def refusal(self, part: str, said: str) -> EpuckSimError:
         """Return the error about a part of the file, with the line of the part's definition if it has one."""

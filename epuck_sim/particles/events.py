@@ -181,7 +181,7 @@ def turn_if_next(block: ByteArray, addresses: IntArray) -> int:
 
 @jit
 def observe(block: ByteArray, addresses: IntArray) -> None:
-    """Write the positions and phases at the present time; trajectories that have ended by then are continued."""
+    """Write the positions and phases at the present time; continue trajectories that have ended."""
     oscillators, observed = carve(block, Oscillators), carve(block, Observed)
     now = oscillators.scene.now
     compute_positions(block, addresses, carve(block, Trajectories), now, observed.positions_now)

@@ -62,7 +62,7 @@ BALL_VOLUME = {1: 2.0, 2: math.pi, 3: 4 / 3 * math.pi}  # length, area or volume
 
 
 def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:
-    """Return the fields of a scene that say who is whose neighbour, and how they are found."""
+    """Return the fields of a scene that define which agents are neighbours, and how these are found."""
     rule, agents, dimensions = scenario.neighbourhood, scenario.agents.count, scenario.space.dimensions
     kind, k = KINDS[rule.kind], min(getattr(rule, "k", agents), agents - 1)
     radius_cm, angle_deg = getattr(rule, "radius_cm", None) or UNLIMITED_CM, getattr(rule, "angle_deg", 360.0)

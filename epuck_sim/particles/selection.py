@@ -58,7 +58,7 @@ def select_smallest(
 
 @jit_inline
 def find_limit(values: FloatArray, count: int, wanted: int) -> float:
-    """Return the largest of the `wanted` smallest of `values[:count]`; up to three take fewer comparisons than six."""
+    """Return the largest of the `wanted` smallest of `values[:count]`; for up to 3, with fewer comparisons."""
     a = b = c = d = e = f = math.inf
     for index in range(count if wanted <= 3 else 0):
         value = values[index]

@@ -76,7 +76,7 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     "reached": (INDEX, "events"),  # scratch: agents at which a pulse arrived: the first `scene.reached`
     "is_reached": (FLAG, "events"),  # scratch: whether each agent is in `reached`
     "headings_before": (FLOAT, "rows"),  # headings at this instant before any agent reoriented
-    # what Python asks for
+    # results for Python
     "positions_now": (FLOAT, "rows"),  # cm
     "phases_now": (FLOAT, "agents"),
     "curve": (BYTE, "curve"),  # the coupling, and the parameters of a user's response curve; see `phase_response`
@@ -102,7 +102,7 @@ LIMITS = record_type(
         ("cycles", "i8"),  # of firings of the reference, counted from the beginning of the trial
         ("last_cycle", "f8"),  # nothing happens after `last_time` of this cycle
         ("last_time", "f8"),  # cycles since the start of that cycle
-        ("max_offset", "f8"),  # the order parameter is measured when all phases are within so many of the reference's
+        ("max_offset", "f8"),  # cycles: the order parameter is measured if all phases are this near to the reference's
     ]
 )
 """Limits that end a call of `events.advance`."""
@@ -263,7 +263,7 @@ Neighbours = _part("Neighbours", f"scene {_FOUND} candidates positions headings 
 """The neighbours that were found last, and the candidates among which they are searched for."""
 
 Instant = _part("Instant", "scene fired received is_done curve reached is_reached headings_before")
-Observed = _part("Observed", "positions_now phases_now")  # what Python asks for
+Observed = _part("Observed", "positions_now phases_now")  # results for Python
 
 
 @jit_inline

@@ -49,7 +49,7 @@ def allow_files(needed: int) -> int | None:
     return None
 
 
-# --- memory: trials that need more than is free are refused before they take any ----------------------
+# --- memory: a task that needs more than is free is refused before it takes any -----------------------
 
 NEGLIGIBLE_BYTES = 64_000_000
 """Need in bytes below which free memory is not looked up: that takes as long as the start of a small trial."""
@@ -60,7 +60,7 @@ _CGROUP_FILES = (
     ("memory.max", "memory.current", "inactive_file"),
     ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
 )
-"""Files of the limit and the usage, and the key of what can be dropped, in versions 2 and 1 of control groups."""
+"""Files of limit and usage, and the key of memory that can be dropped, in versions 2 and 1 of control groups."""
 
 
 def in_bytes(count: float) -> str:

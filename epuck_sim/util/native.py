@@ -66,7 +66,7 @@ WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 @lower_cast(types.float64, types.int64)  # type: ignore[untyped-decorator]
 def _to_whole_number(context: Any, builder: Any, _from: Any, to: Any, value: Any) -> Any:
-    """Convert a float to a whole number; users' code, with checked bounds, raises as Python does, or beyond 64 bits."""
+    """Convert a float to a whole number; users' code, with checked bounds, raises as in Python, and beyond 64 bits."""
     if context.enable_boundscheck:
         infinite, least, beyond = (ir.Constant(value.type, limit) for limit in (math.inf, -(2.0**63), 2.0**63))
         is_infinite = (builder.fcmp_ordered("==", each, infinite) for each in (value, builder.fneg(value)))
@@ -110,7 +110,7 @@ class _PartLowering(NativeLowering):  # stops before it makes machine code
         super().run_pass(state)  # type: ignore[no-untyped-call]
         lowered = state["cr"]
         function = lowered.fndesc
-        # callers find it by what Python would call; Python cannot, at address 0
+        # callers find it by the function for Python, which Python cannot call at address 0
         name = _dynfunc.make_function(function.lookup_module(), function.qualname, "", 0, lowered.env, (state.library,))
         state.targetctx.insert_user_function(name, function, [state.library])
         state["cr"] = lowered._replace(cfunc=name)
