@@ -201,7 +201,7 @@ class Motion(NamedTuple):
 
 @jit_no_alloc
 def lone_motion(swarm: Swarm, number: int, steps: int, reach_cm: float) -> Motion:
-    """Return the motion of a robot and its partner in some physics steps; not exact if they move beyond `reach_cm`."""
+    """Return the motion of a robot and its partner in some physics steps; that of two is inexact beyond `reach_cm`."""
     scene, robot = swarm.scene[0], swarm.robots[number]
     if robot.partner != number:
         return _push(robot, swarm.robots[robot.partner], steps, scene.physics_s, reach_cm)
@@ -280,7 +280,7 @@ def add_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s:
     """Add to the candidates, `found` so far, the robots that may touch one at (x, y) in the next physics step.
 
     They are first moved by the `past` physics steps since the control step began. Without contacts, a robot approaches
-    by up to `approach_cm_s`. Return the number of candidates.
+    at up to `approach_cm_s`. Return the number of candidates.
     """
     swarm = swarm_at(block)
     largest_cm, time_s = swarm.scene[0].largest_cm, past * swarm.scene[0].physics_s
