@@ -59,7 +59,7 @@ class Sensors(NamedTuple):
     """Sensor readings of one robot at the start of a control step."""
 
     step_ms: int
-    """Integer milliseconds on the robot's own clock since its last control step."""
+    """Whole milliseconds of a control step on the robot's own clock."""
     infrared: FloatArray
     """(8,) counts: raw readings of the proximity sensors; 0 for those that a robot with fewer sensors lacks."""
     distance_mm: IntArray

@@ -1,8 +1,8 @@
 """Robots as seen from outside: who sees whose ring, and what robots touch, in any step or the present one.
 
-Observers put poses into a scene, a block of their own; the simulation's is left alone. Robots themselves see red
-pixels, and cannot tell which robot a pixel shows; they do not feel contacts, which pymunk resolves several times in a
-control step.
+Observers of many steps put poses into a scene with a block of its own; a `Step` looks at the simulation's. Robots
+themselves see red pixels, and cannot tell which robot a pixel shows; they do not feel contacts, which pymunk resolves
+several times in a control step.
 """
 
 import math

@@ -18,9 +18,10 @@ NOBODY = -1  # stands for no robot
 
 @jit_no_alloc
 def brightness_at(world: World, x: float, y: float) -> float:
-    """Return the brightness of the floor at a point, from 0, black, to 1, white; beyond the walls that at the walls.
+    """Return the brightness of the floor at a point, from 0, black, to 1, white.
 
-    The topmost patch counts, its edge included; where there is none, the picture, or else the floor's brightness.
+    The topmost patch counts, its edge included; where there is none, the picture, which its outermost pixels continue
+    beyond the walls, or else the floor's brightness.
     """
     swarm = world.swarm
     for number in range(len(swarm.patches) - 1, -1, -1):

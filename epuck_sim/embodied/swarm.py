@@ -27,7 +27,7 @@ RAYS = 3  # rays of each infrared sensor
 
 SENSED = record_type(
     [
-        ("step_ms", "i8"),  # whole ms on the robot's own clock since its last control step
+        ("step_ms", "i8"),  # whole ms of this control step on the robot's own clock
         ("infrared", "f8", SENSORS),  # counts: readings of the proximity sensors
         ("distance_mm", "i8", SENSORS),  # distances that belong to them
         ("new_picture", "?"),  # whether the camera's row is one that the controller has not seen

@@ -364,7 +364,8 @@ def _unknowns(
 
     0 to 2: rotation vector; without corners, the third, the turn, is held; without corners and enough rings, all. 3, 4:
     offset relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if
-    the lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
+    the lens is known. 6: k1, held without enough rings, and if the lens is known. 7: logarithm of the rings' relative
+    size, held without corners or rings.
     """
     start = np.zeros(8)
     if corners is not None:

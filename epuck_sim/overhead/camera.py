@@ -56,7 +56,7 @@ whole pixels in the corners of a wide, strongly distorted picture."""
 APART_S = 0.5  # time between frames in which the board is searched
 MIN_VIEWS = 6  # fewest pictures of the board to calibrate a lens from; OpenCV recommends ten or more
 MAX_VIEWS = 40  # most pictures of the board that are used
-MIN_POINTS = 8  # corners of a board that must be seen in a picture
+MIN_POINTS = 8  # corners of a ChArUco board that must be seen in a picture
 MIN_MOVE_PX = 8.0  # mean distance by which the board must have moved since the last picture that counts
 SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)  # iterations or px, which end the refinement
 MARKER_SHARE = 0.7  # side of a ChArUco board's markers, relative to that of its squares

@@ -152,7 +152,7 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estim
 
 UNLIKE = 0.05  # largest p-value at which a film is unlike the trials
 FEWEST_TRIALS = 19  # fewest trials with which a film can have so small a p-value
-FEWEST_KNOWN = 0.5  # least share of the trials that must have a quantity for it to be judged
+FEWEST_KNOWN = 0.5  # least share of film and trials that must have a quantity for it to be judged
 LEAST_SPREAD = 0.005  # least standard deviation of a quantity, relative to its largest value: films are no more exact
 MOST_NAMED = 3  # quantities that a verdict names, at most
 NEAR_WALL_CM = 5.0  # largest distance of a robot's middle that is near a wall, as in the measure `near_walls`

@@ -80,7 +80,7 @@ class Track(NamedTuple):
     counts: IntArray
     evaluations: tuple[synchrony.Evaluation, ...]
     flashes: tuple[Flash, ...]
-    """Flashes without those of rings that are always lit; times, counts, rings and geometry as in `CountedRings`."""
+    """Flashes; they and counts are without rings that are always lit. Times, rings and geometry: see `CountedRings`."""
     steady: tuple[Flash, ...]  # rings that are always lit, as flashes
     rings: Sequence[Sequence[Ring]]
     geometry: Geometry

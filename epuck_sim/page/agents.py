@@ -1,4 +1,4 @@
-"""Facts of a scenario of point agents for its page: `web/agents.js` makes blocks from them, as `rules` does here."""
+"""Facts of a scenario of point agents for its page: `web/agents.js` makes blocks from them, as `rules_of` here."""
 
 import base64
 import math

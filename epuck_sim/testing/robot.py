@@ -90,7 +90,7 @@ class TestRobot:
     new_picture = _Field("_senses", bool)
     """Whether `camera` is a picture that the robot has not seen before; True unless it is set."""
     step_ms = _Field("_senses", int)
-    """Milliseconds on the robot's own clock since its last step."""
+    """Milliseconds of a control step on the robot's own clock."""
     left_cm_s = _Field("_actuators", float)
     """Speed of the left wheel as commanded, which the simulator limits to 12.8 either way."""
     right_cm_s = _Field("_actuators", float)

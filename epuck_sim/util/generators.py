@@ -51,7 +51,7 @@ NORMAL_AREA = 0.0049286732339746519  # area of each layer below exp(-x**2 / 2)
 
 _DIGITS = 40
 _HIGHER_LAYER = 38
-"""Layer whose edge numpy has one unit in the last place too high, by the exponential of the program that made it."""
+"""Layer whose height numpy has one unit in the last place too high, by the exponential of the program that made it."""
 
 
 def seed_words(*seeds: int) -> WordArray:

@@ -101,7 +101,7 @@ static inline int e_get_red(unsigned int pixel) {
     return pixel < (uint64_t)e_swarm->pixels ? (int)e_swarm->camera[e_robot * e_swarm->pixels + pixel] : 0;
 }
 
-/* Milliseconds on the robot's own clock since its last step. Not in the e-puck library. */
+/* Milliseconds of a control step on the robot's own clock. Not in the e-puck library. */
 static inline int e_get_step_ms(void) { return (int)e_swarm->step_ms[e_robot]; }
 
 /* Number of radio pulses that arrive in this step. Not in the e-puck library. */
