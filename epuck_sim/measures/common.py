@@ -29,7 +29,7 @@ class Shipped:
         return bool(self.simulation.scenario.model == "embodied")
 
     def phases(self, event: Any) -> FloatArray:
-        """Return (oscillators,) phases from 0 to 1; of robots, those that are oscillators."""
+        """Return (oscillators,) phases from 0 to 1; robots that are no oscillators are left out."""
         if not self.has_bodies:
             return np.asarray(self.simulation.phases())
         periods = self.simulation.period_ms
@@ -42,7 +42,7 @@ class Shipped:
 
     @property
     def sides_cm(self) -> tuple[float, ...]:
-        """Side of the arena, at its largest, or space along each dimension."""
+        """Side of the space, or of the arena at its largest, along each dimension."""
         scenario = self.simulation.scenario
         return largest_cm(scenario) if self.has_bodies else (scenario.space.side_cm,) * scenario.space.dimensions
 
@@ -59,7 +59,7 @@ class Series(Shipped):
 
 
 class Share(Shipped):
-    """A measure that counts a part and a whole."""
+    """A measure whose value is the share of a part in a whole, both of which it counts."""
 
     _part, _whole = 0, 0
 
@@ -72,24 +72,24 @@ def share(part: float, whole: float) -> float | None:
     return part / whole if whole else None
 
 
-Rule = tuple[Callable[[Any], bool], str]  # whether a parameter is allowed, and what is
+Rule = tuple[Callable[[Any], bool], str]  # test whether a parameter is allowed, and text that says what is
 
 BELOW_HALF_A_CYCLE: Rule = (lambda cycles: 0 <= cycles < 0.5, "0 up to 0.5, in cycles")
 ABOVE_0: Rule = (lambda number: number > 0, "above 0")
 
 
 def one_of(choices: Collection[str]) -> Rule:
-    """Return the rule of a parameter that is one of some words."""
+    """Return the rule for a parameter that must be one of these words."""
     return choices.__contains__, ", ".join(choices)
 
 
 def up_to(most: int) -> Rule:
-    """Return the rule of a whole number from 1 to a limit."""
+    """Return the rule for a whole number from 1 to a limit."""
     return lambda number: 1 <= number <= most, f"1 to {most}"
 
 
 def allowed(**rules: Rule) -> Callable[[SimpleNamespace], None]:
-    """Return a measure's `check`, which raises ValueError for a parameter against its rule."""
+    """Return a measure's `check`, which raises ValueError for a parameter that breaks its rule."""
 
     def check(parameters: SimpleNamespace) -> None:
         for name, (is_allowed, words) in rules.items():
@@ -102,7 +102,7 @@ def allowed(**rules: Rule) -> Callable[[SimpleNamespace], None]:
 
 
 def check_sight(scenario: Any, _: Any) -> None:
-    """Raise ValueError for robots that hear flashes by radio: who hears whom is not looked at from outside."""
+    """Raise ValueError for robots that receive flashes by radio, as observers only find out who sees whom."""
     groups = scenario.robots if scenario.model == "embodied" else ()
     for number, group in enumerate(groups):
         if group.signal.kind == "radio":
@@ -110,5 +110,5 @@ def check_sight(scenario: Any, _: Any) -> None:
 
 
 def rows_of_steps(found: IntArray, stretch: Any) -> IntArray:
-    """Return (steps + 1,) rows at which each step of a stretch begins in what was found in it, and the end of all."""
+    """Return (steps + 1,) rows of `found` at which the steps of a stretch begin, and the end of the last step."""
     return np.searchsorted(found[:, 0], np.arange(len(stretch.poses) + 1))

@@ -1,9 +1,9 @@
 """Agreement on a word that flashes carry: the naming game and the voter model (thesis 6.2 leaves other tasks open).
 
-Each robot or agent begins with a word of its own. Whoever flashes says one of the words that it knows, and all who see
-the flash hear it; nobody learns who heard. In the naming game, who knows the word forgets all others, and who does not
-adds it: the variant in which hearers alone change (Baronchelli, Phys. Rev. E 83, 046103, 2011), since a flash brings no
-answer. A voter takes over what it hears. Words do not change what anyone does.
+Each robot or agent begins with a word of its own. A flash carries one of the words that its sender knows to all who see
+the flash; the sender does not learn who they are. In the naming game, a hearer that knows the word forgets all others,
+and one that does not adds it: the variant in which only hearers change (Baronchelli, Phys. Rev. E 83, 046103, 2011), as
+a flash brings no answer. A voter keeps only the word that it hears last. Words have no effect on behaviour.
 """
 
 from dataclasses import dataclass
@@ -33,15 +33,15 @@ class _Talk(Series):
         super().__post_init__()
         population = int(self.simulation.scenario.population)
         self._random = np.random.default_rng([self.simulation.seed, STREAM])
-        self.knows: BoolArray = np.eye(population, dtype=bool)  # of each robot or agent, each word
-        self._heard: BoolArray = np.zeros((population, population), bool)  # the flash of each, by each
-        self._speakers: dict[int, int] = {}  # whose flash is heard, and the word that it carries
-        self._agreed: int | None = None  # the cycle in which all agree
+        self.knows: BoolArray = np.eye(population, dtype=bool)  # whether [robot or agent] knows [word]
+        self._heard: BoolArray = np.zeros((population, population), bool)  # [sender, hearer] of flashes that are seen
+        self._speakers: dict[int, int] = {}  # senders whose flash is seen, and the word that it carries
+        self._agreed: int | None = None  # the first cycle in which all agree
         self._cycles = 0
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
-        """Raise ValueError where it is not known who receives a pulse, or of large swarms if it shifts no phase."""
+        """Raise ValueError where receivers of pulses are not known, or in large swarms only if their phases shift."""
         check_sight(scenario, _)
         if scenario.model == "particles" and scenario.neighbourhood.kind == "random":
             raise ValueError("neighbourhood.kind is 'random'; allowed with words: any other, as nobody is shown whom")
@@ -50,16 +50,16 @@ class _Talk(Series):
 
     @property
     def words(self) -> int:
-        """Number of words that somebody knows."""
+        """Number of different words that the swarm knows."""
         return int(self.knows.any(axis=0).sum())
 
     def say(self, speaker: int) -> int:
-        """Return one of the words that somebody knows, drawn at random."""
+        """Return one of the words that the speaker knows, drawn at random."""
         known = np.flatnonzero(self.knows[speaker])
         return int(known[self._random.integers(len(known))])
 
     def hear(self, hearer: int, word: int) -> None:
-        """Change what somebody knows who hears a word."""
+        """Update the words that a hearer knows."""
         if self.rule == "voter" or self.knows[hearer, word]:
             self.knows[hearer] = False
         self.knows[hearer, word] = True
@@ -71,7 +71,7 @@ class _Talk(Series):
                 self._hear_flashes(sightings[begin:end, 1:].tolist())
                 # the reference fires in a stretch's last step
                 self._note(state.cycles if step + 1 == len(stretch.poses) else self._cycles)
-            if self._speakers:  # what is seen in a step is what was lit in the one before
+            if self._speakers:  # a step sees the rings that were lit in the step before
                 for speaker in [speaker for speaker in self._speakers if not stretch.ring_on[step, speaker]]:
                     self._heard[speaker] = False
                     del self._speakers[speaker]
@@ -101,7 +101,7 @@ class _Talk(Series):
 
 
 class Consensus(_Talk):
-    """Cycles until all know one word, the same (both models)."""
+    """Cycles until all know the same word and no other (both models)."""
 
     UNIT = "cycles"
 
@@ -111,7 +111,7 @@ class Consensus(_Talk):
 
 
 class Words(_Talk):
-    """Number of words that somebody knows, at each cycle (series)."""
+    """Number of different words that the swarm knows, at each cycle (series)."""
 
     def cycle(self, _: Any, __: Any) -> None:
         self._series.append(self.words)

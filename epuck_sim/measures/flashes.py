@@ -1,9 +1,8 @@
-"""Flashes that robots see, miss, or see for longer than a step, and whom they suspect because they see none of them.
+"""Flashes that robots see, miss, or see for longer than a step, and robots that are suspected as no flash is seen.
 
-Faults are found by synchrony (Christensen et al. 2009; 6.2): each robot knows of each other one for how long it has had
-it in view without seeing its ring lit since it last did. After `cycles` periods of that it suspects the other, until it
-sees it flash. The time in which another is out of view does not count, nor do flashes then: that is where false alarms
-come from.
+Faults are found by synchrony (Christensen et al. 2009; 6.2): each robot counts for how long it has had each other robot
+in view since it last saw that robot's ring lit. After `cycles` periods in view it suspects the other, until it sees it
+flash. Time out of view does not count, nor do flashes in that time, which is the source of false alarms.
 """
 
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.measures.common import ABOVE_0, Share, Shipped, allowed, check_sight, rows_of_steps, share
 from epuck_sim.util.jit import jit
 
-HALF_A_MILLISECOND = 0.0005  # allowance in seconds for the sum of many control steps
+HALF_A_MILLISECOND = 0.0005  # tolerance in seconds for rounding in the sum of many control steps
 FLASHLESS = ("ring_dead", "oscillator_frozen")  # kinds of faults that keep a robot from flashing
 
 
@@ -35,16 +34,16 @@ class FlashesSeen(Share):
 
 
 class _FlashViews(Shipped):
-    """Base class of two measures: in how many steps of each flash each other robot has it in view."""
+    """Base class of two measures: the number of steps for which each flash is in view of each other robot."""
 
     MODELS = ("embodied",)
     check_scenario = staticmethod(check_sight)
 
     def __post_init__(self) -> None:
         robots = len(self.simulation.period_ms)
-        self._views: IntArray = np.zeros((robots, robots), np.int64)  # of the flash of each robot, by each robot
+        self._views: IntArray = np.zeros((robots, robots), np.int64)  # steps of the flash of [robot] in view of [other]
         self._seen: BoolArray = np.zeros((2, robots), np.bool_)  # rings that show in a step, and in the step before
-        self._counts: IntArray = np.zeros(3, np.int64)  # pairs of a flash and another robot; with views, with several
+        self._counts: IntArray = np.zeros(3, np.int64)  # flashes times others: all, in view, in view in several steps
 
     def stretch(self, stretch: Any, _: Any) -> None:
         sightings = stretch.sightings
@@ -56,12 +55,12 @@ class _FlashViews(Shipped):
 def count_views(
     views: IntArray, seen: BoolArray, counts: IntArray, sightings: IntArray, ends: IntArray, ring_on: BoolArray
 ) -> None:
-    """Count the views of flashes in the steps of a `Stretch`; a flash whose ring can be seen no more is over.
+    """Count the views of flashes in the steps of a `Stretch`; a flash is over when its ring can no longer be seen.
 
-    Changes the (robots, robots) views of the flash of each robot by each other one, the (2, robots) rings that can be
-    seen in a step, and that could be in the step before, and the (3,) counts of flashes that are over, for each other
-    robot, of those that it had in view, and in several steps. A ring is seen as it is in the step before, `ring_on`
-    (steps, robots); sightings of each step begin at (steps + 1,) rows.
+    Updates `views`, (robots, robots) steps in which the flash of each robot is in view of each other; `seen`, (2,
+    robots) rings that can be seen in a step, and in the step before; and `counts`, (3,) pairs of a flash that is over
+    and another robot: all, in view, in view in several steps. A step sees rings as `ring_on` (steps, robots) has them
+    in the step before; its sightings begin at its row in `ends` (steps + 1,).
     """
     shows, showed = seen
     for step in range(len(ring_on)):
@@ -83,7 +82,7 @@ class FlashesMissed(_FlashViews):
     """Share of all flashes of others that a robot never has in view, mean over robots (robots)."""
 
     def value(self) -> float | None:
-        """Return the share; None without a flash that is over."""
+        """Return the share; None if no flash is over."""
         pairs, in_view, _ = self._counts.tolist()
         return 1 - in_view / pairs if pairs else None
 
@@ -111,9 +110,9 @@ class _Suspicion(Shipped):
         self._step_s = 1 / self.simulation.scenario.timing.control_hz
         self._period_s: FloatArray = self.simulation.period_ms / 1000
         self._patience_s = self.cycles * self._period_s[:, None]
-        self._dark_s = np.zeros((robots, robots))  # for which each has had each in view without a flash
+        self._dark_s = np.zeros((robots, robots))  # for which [robot] has had [other] in view without a flash
         self._suspects: BoolArray = np.zeros((robots, robots), bool)
-        self._faults: IntArray = np.zeros(robots, np.int64)  # that keep a robot from flashing, at present
+        self._faults: IntArray = np.zeros(robots, np.int64)  # number of present faults that keep a robot from flashing
 
     def stretch(self, stretch: Any, _: Any) -> None:
         views = stretch.views
@@ -121,7 +120,7 @@ class _Suspicion(Shipped):
         begun = np.zeros_like(self._suspects)
         step = 0
         while step < len(stretch.poses):
-            # who is suspected already when a fault begins is found in its first step, which is watched by itself
+            # the first step of a fault is watched by itself, to find robots that are already suspected
             last = step + 1
             if not self._note_faults(stretch.first + step):  # up to the next fault
                 later = (event.step - stretch.first for event in self.simulation.events[self._events :])
@@ -132,7 +131,7 @@ class _Suspicion(Shipped):
             step = end
 
     def _note_faults(self, step: int) -> bool:
-        """Return whether faults begin or end in a step."""
+        """Update faults for a step, and return whether anything has changed."""
         events = [event for event in self.simulation.events[self._events :] if event.step <= step]
         for event in events:
             kind, _, change = event.what.partition(" ")
@@ -142,7 +141,7 @@ class _Suspicion(Shipped):
         return bool(events)
 
     def take(self, begun: BoolArray, time_s: float, steps: int) -> None:
-        """Take note of steps up to a time, and of (robots, robots) suspicions that begin in the last of them."""
+        """Record steps up to a time, and the (robots, robots) suspicions that begin in the last of them."""
         raise NotImplementedError
 
 
@@ -159,12 +158,12 @@ def watch(
     first: int,
     end: int,
 ) -> int:
-    """Have robots watch those in their view, from step `first` to one in which a suspicion begins or that before `end`.
+    """Update suspicions from step `first` until one begins, or up to `end`; return the step after the last one.
 
-    Changes the time, (robots, robots) s, for which each has had each in view without a flash, who suspects whom, and
-    whose suspicion of whom begins in the last of the steps; patience is (robots, 1) s. Views are those of a `Stretch`,
-    with (steps + 1,) rows from which on each step's are, and (steps, robots) the rings that show lit. Returns the step
-    after the last of the steps.
+    Updates `dark_s`, (robots, robots) s for which each has had each other in view without a flash; `suspects`, who
+    suspects whom; and `begun`, suspicions that begin in the last step. `patience_s` is (robots, 1). `views` are those
+    of a `Stretch`; those of each step begin at its row in `ends` (steps + 1,). `is_lit` are (steps, robots) rings that
+    show lit.
     """
     begun[:] = False
     for step in range(first, end):
@@ -182,7 +181,7 @@ def watch(
 
 
 class DetectionDelay(_Suspicion):
-    """Periods from when a robot ceases to flash until another suspects it, mean over all that do (robots)."""
+    """Periods from when a robot stops flashing until another suspects it, mean over all that stop (robots)."""
 
     UNIT = "cycles"
 
@@ -191,19 +190,19 @@ class DetectionDelay(_Suspicion):
         self._since_s, self._delay = np.full((2, len(self._period_s)), np.nan)
 
     def take(self, _: BoolArray, time_s: float, steps: int) -> None:  # noqa: ARG002 are for the other
-        """Note who has ceased to flash, and who of them is suspected for the first time."""
+        """Record which robots have stopped flashing, and which of these are suspected for the first time."""
         self._since_s[(self._faults > 0) & np.isnan(self._since_s)] = time_s
         found = (self._faults > 0) & self._suspects.any(axis=0) & np.isnan(self._delay)
         self._delay[found] = (time_s - self._since_s[found]) / self._period_s[found]
 
     def value(self) -> float | None:
-        """Return the mean; None if nobody ceased to flash, or one of them was never suspected."""
+        """Return the mean; None if no robot stopped flashing, or one that did was never suspected."""
         delays = self._delay[~np.isnan(self._since_s)]
         return None if not len(delays) or np.isnan(delays).any() else float(delays.mean())
 
 
 class FalseAlarms(_Suspicion):
-    """Suspicions of robots that flash, of each robot in an hour (robots)."""
+    """Suspicions of robots that do flash, per robot and hour (robots)."""
 
     UNIT = "1/h"
     _alarms, _steps = 0, 0

@@ -1,8 +1,8 @@
 """Who receives from whom, as a graph at each cycle, and how it changes (thesis chapter 5).
 
-Of agents, links are those of the instant of the reference's firing: from each agent to those that would receive its
-pulse then (5.1.3). Of robots, they are those of the whole cycle: from each robot to those whose cameras saw its ring
-lit in one of the cycle's steps. A link is one number: the sender times the population, plus the receiver.
+Links of agents are those at the instant of the reference's firing: from each agent to those that would receive its
+pulse then (5.1.3). Links of robots are those of the whole cycle: from each robot to those whose cameras saw its ring
+lit in a step of the cycle. A link is stored as one number: the sender times the population, plus the receiver.
 """
 
 from collections import deque
@@ -30,7 +30,7 @@ class Links(Shipped):
         self._population = int(self.simulation.scenario.population)
         self._seen: list[IntArray] = [NO_LINKS]
         if not self.has_bodies:
-            self.simulation.neighbour_links()  # compiles what finds them before any clock runs
+            self.simulation.neighbour_links()  # compiles the kernel before any clock runs
 
     def stretch(self, stretch: Any, _: Any) -> None:
         _, looks, lit = stretch.sightings.T
@@ -62,7 +62,7 @@ class NeighbourChange(Links, Series):
 
 
 class LinkLife(Links, Share):
-    """Mean number of successive cycles in which a link is there: links at risk over links that end."""
+    """Mean number of successive cycles in which a link exists: links at risk over links that end."""
 
     UNIT = "cycles"
     _before: IntArray | None = None
@@ -92,9 +92,9 @@ def degrees(links: IntArray, population: int, direction: str) -> IntArray:
 
 
 def component_sizes(links: IntArray, population: int, connection: str) -> IntArray:
-    """Return the sizes of the components of the graph with these links, ascending numbers, in no order.
+    """Return the sizes, in no order, of the components of the graph with these links, which must be ascending.
 
-    In a weak component links count as if they led both ways; in a strong one each reaches each along links.
+    In a weak component links count as if they led both ways; in a strong one every member reaches all others.
     """
     if connection == "weak":
         senders, receivers = np.divmod(links, population)
@@ -107,12 +107,12 @@ def component_sizes(links: IntArray, population: int, connection: str) -> IntArr
 def strong_component_sizes(begins: IntArray, receivers: IntArray) -> IntArray:
     """Return the sizes of the strong components, which Tarjan's search finds (SIAM J. Comput. 1, 146, 1972).
 
-    Links of each are those from (population + 1,) `begins` on; `receivers` has where each leads.
+    Links of node i are those from `begins[i]` up to `begins[i + 1]`; `receivers` holds the node to which each leads.
     """
     population = len(begins) - 1
-    following = begins.copy()  # the link of each that is to be followed next
-    rank = np.zeros(population, np.int64)  # in the order in which each was met, from 1; 0: not yet
-    lowest = np.zeros(population, np.int64)  # rank that each is known to reach; 0: its component is complete
+    following = begins.copy()  # the next link of each node to follow
+    rank = np.zeros(population, np.int64)  # order in which nodes were met, from 1; 0: not yet
+    lowest = np.zeros(population, np.int64)  # lowest rank that each is known to reach; 0: its component is complete
     path, waiting, sizes = np.zeros((3, population), np.int64)  # waiting: those met whose component is not complete
     met = on_path = number = count = 0
     for root in range(population):
@@ -159,7 +159,7 @@ class Degree(Links, Series):
 
 @dataclass
 class Isolated(Links, Series):
-    """Share of robots or agents without a link at each cycle: `in`, that none reaches, `out`, or `both` (series)."""
+    """Share of robots or agents without links at each cycle: to them (`in`), from them (`out`), or `both` (series)."""
 
     direction: str = "in"
     check = staticmethod(allowed(direction=one_of(DIRECTIONS)))
@@ -201,7 +201,7 @@ class ComponentCount(_Components):
 
 
 class LargestComponent(_Components):
-    """Share of robots or agents in the largest of these components at each cycle (series)."""
+    """Share of robots or agents in the largest component, of those of `component_count`, at each cycle (series)."""
 
     def of_sizes(self, sizes: IntArray) -> float:
         return float(sizes.max() / sizes.sum())
@@ -209,7 +209,7 @@ class LargestComponent(_Components):
 
 @dataclass
 class SpanningTime(Links):
-    """Cycles until the links since the first cycle connect all, as one weak or strong component."""
+    """Cycles until all links so far, taken together, join the swarm into one weak or strong component."""
 
     connection: str = "strong"
     check = staticmethod(allowed(connection=one_of(CONNECTIONS)))

@@ -1,8 +1,8 @@
 """The interface of measures, and how they are found: by name, or in a user's file as FILE.py:NAME or FILE.py.
 
-A measure is a small class, or a function, that is told of a trial and returns one value at its end. docs/measures.md
-has its methods and attributes. A measure is told of what it has methods for; without any but `cycle` and `value`,
-compiled code runs from one cycle to the next.
+A measure is a small class that follows a trial and returns one value at its end, or a function that is called then.
+docs/measures.md has its methods and attributes. A trial calls the methods that a measure has; if these are `cycle` and
+`value` alone, compiled code runs from one cycle to the next.
 """
 
 import inspect
@@ -25,10 +25,10 @@ Scalar = bool | int | float | None  # a number, a truth value, or None where it 
 Value = Scalar | list[Scalar]  # value of a measure: one, or a series with one for each cycle
 
 STEP_METHOD, STRETCH_METHOD = "step", "stretch"
-"""Methods that are told of control steps of robots: of each, and of many in a row at once."""
+"""Methods that are called with control steps of robots: with each, and with many in a row at once."""
 
 EVENT_METHODS = {STEP_METHOD: "every control step of robots", "event": "every event of point agents"}
-"""Methods that are called after every event of a trial, and what they are told of."""
+"""Methods that are called after every event of a trial, and the events of each."""
 
 CYCLE_METHOD = "cycle"  # method that is called after every firing of the reference
 
@@ -42,13 +42,13 @@ class Measure:
 
     name: str  # name of its value in results
     stored_name: str
-    """Name by which it is found again: of a shipped or installed one, or a file's path, a colon and a name in it."""
+    """Name by which it is found again: that of a shipped or installed one, or the path in FILE.py:NAME."""
     make: Callable[..., Any]  # the class or function
     parameters: Mapping[str, Parameter]  # name and default of each parameter
     sources: Mapping[Path, bytes]
     """Contents of every file that a user's measure comes from, at the time of loading; empty for a shipped one."""
     unit: str = ""  # unit of its value, which figures name; empty if it has none
-    over: str = "cycle"  # what a series has a value for
+    over: str = "cycle"  # noun for the items of a series
 
     @property
     def is_function(self) -> bool:
@@ -56,11 +56,11 @@ class Measure:
         return not inspect.isclass(self.make)
 
     def is_told(self, method: str) -> bool:
-        """Return whether it has a method of this name, or one in its place, to be told by."""
+        """Return whether it has this method, or one in its place (`told_by`)."""
         return not self.is_function and hasattr(self.make, self.told_by(method))
 
     def told_by(self, method: str) -> str:
-        """Return the name of the method by which it is told: of steps, that of stretches if it has it."""
+        """Return the method to call for this one: `stretch` in place of `step` if the measure has it."""
         in_place = method == STEP_METHOD and hasattr(self.make, STRETCH_METHOD)
         return STRETCH_METHOD if in_place else method
 
@@ -79,7 +79,7 @@ class Measure:
             )
 
     def check_scenario(self, scenario: Any, parameters: Mapping[str, Parameter]) -> None:
-        """Raise ValueError if it cannot measure trials of a scenario, which has everything filled in, with these."""
+        """Raise ValueError if it cannot measure trials of a scenario, with all defaults filled in, with parameters."""
         check = getattr(self.make, "check_scenario", None)
         if check is not None:
             check(scenario, SimpleNamespace(**parameters))
@@ -92,7 +92,7 @@ class Measure:
 
 
 def default_parameters(make: Callable[..., Any]) -> dict[str, Parameter]:
-    """Return the parameters of a class or function, all that it takes after the simulation, and their defaults."""
+    """Return name and default of each parameter that a class or function takes after the simulation."""
     try:
         first, *others = inspect.signature(make).parameters.values()
     except (TypeError, ValueError):
@@ -103,7 +103,7 @@ def default_parameters(make: Callable[..., Any]) -> dict[str, Parameter]:
     for parameter in others:
         default = parameter.default
         is_text_or_number = isinstance(default, Parameter) and parameter.kind != parameter.POSITIONAL_ONLY
-        if not is_text_or_number or parameter.name == "measure":  # by which run folders know the measure itself
+        if not is_text_or_number or parameter.name == "measure":  # run folders store the measure itself under this name
             allowed = "keywords whose default is a number, true or false, or text, and none called measure"
             raise ValueError(f"has a parameter {parameter}; allowed: {allowed}")
         parameters[parameter.name] = typed(parameter.name, default, default)
@@ -129,7 +129,7 @@ NAMED = {"UNIT": "", "OVER": "cycle"}
 """Constants that a measure, or its file, may have, and their defaults: see `Measure.unit` and `over`."""
 
 SERIES_COLUMNS = ("trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
-"""Columns of a table of series after what it is over; `known` is the number of the trials that have a value there."""
+"""Columns of a table of series after that of its items; `known` is the number of trials that have a value there."""
 
 MEASURE = Kind(
     noun="measure",
@@ -170,7 +170,7 @@ def _load(place: Place) -> PythonFile:
 def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
     """Return the measure of this name in a file, or its only one, under the name by which a package offers it.
 
-    A file holds its classes with a method `value`, or else its public functions; others are given by name.
+    The measures of a file are its classes with a method `value`, or else its public functions; a name may give others.
     """
     own = {
         name: value
@@ -211,7 +211,7 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
 
 
 def _check_methods(make: type, file: PythonFile) -> None:
-    """Raise MeasureError for a class without `value`, or with what looks like a method that trials call and is none."""
+    """Raise MeasureError for a class without `value`, or with a method that looks like one of `CALLED` but is not."""
     name = make.__name__
     if not callable(getattr(make, "value", None)):
         raise file.refusal(name, f"{name} has no method value(self), which returns what was measured")

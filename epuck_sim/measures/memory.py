@@ -17,7 +17,7 @@ TAKEN = ("final", "mean", "series")
 class Memory(Series):
     """A field `name` of a controller's MEMORY: `take` its final value, its mean over cycles, or its series (robots).
 
-    It is that of one `robot`, or the mean over all whose controllers have such a field if `robot` is -1.
+    The value is that of one `robot`, or, if `robot` is -1, the mean over all whose controllers have this field.
     """
 
     name: str = "phase_ms"
@@ -28,7 +28,7 @@ class Memory(Series):
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a robot that there is not, or whose controller has no such field."""
+        """Raise ValueError for a robot that does not exist, or whose controller has no such field."""
         if not -1 <= parameters.robot < scenario.robot_count:
             raise ValueError(f"robot is {parameters.robot}; allowed: 0 to {scenario.robot_count - 1}, or -1 for all")
         check_field(scenario, parameters.name, None if parameters.robot < 0 else parameters.robot)

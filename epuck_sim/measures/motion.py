@@ -1,4 +1,4 @@
-"""How far robots and agents get, how long they keep their way, and how often they are near walls."""
+"""How far robots and agents move, how long they keep their direction, and how often they are near walls."""
 
 import math
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class _Moves(Shipped):
         self._place = places[-1:].copy()
 
     def take(self, moves: FloatArray) -> None:
-        """Take note of moves, (steps, robots, 2) cm."""
+        """Record (steps, robots, 2) moves in cm."""
         raise NotImplementedError
 
 
@@ -81,10 +81,10 @@ class MeanSpeed(_Moves):
 
 @dataclass
 class VelocityCorrelationTime(_Moves):
-    """Time in s after which the autocorrelation of velocities has fallen to 1 / e of that at once.
+    """Time in s after which the autocorrelation of velocities has fallen to 1 / e of its value at lag 0.
 
-    Velocities are those from step to step of robots, and those at cycles of agents. The autocorrelation, a mean over
-    all and over time, is interpolated between two lags.
+    Velocities of robots are those from step to step, and velocities of agents those at cycles. The autocorrelation is a
+    mean over all of them and over time; it is interpolated between two lags.
     """
 
     lags: int = 100
@@ -93,7 +93,7 @@ class VelocityCorrelationTime(_Moves):
     MODELS = ("embodied", "particles")
 
     def __post_init__(self) -> None:
-        self._last: FloatArray = np.zeros((0, 0))  # (lags, n d) velocities, of which products are still to come
+        self._last: FloatArray = np.zeros((0, 0))  # (lags, n d) velocities that later ones will be multiplied by
         self._sums, self._terms = np.zeros((2, self.lags + 1))
         self._first_s = self._last_s = 0.0
 
@@ -104,7 +104,7 @@ class VelocityCorrelationTime(_Moves):
             self.take((self.simulation.headings() * self.simulation.speeds_cm_s[:, None])[None])
 
     def take(self, moves: FloatArray) -> None:
-        """Add the products of these velocities, (k, n, d), of later ones, and of the last ones before them."""
+        """Add the products of (k, n, d) velocities with those up to `lags` before them, to the sum of each lag."""
         if not len(moves):
             return
         latest = moves.reshape(len(moves), -1)
@@ -120,13 +120,13 @@ class VelocityCorrelationTime(_Moves):
     def value(self) -> float | None:
         """Return the time; None if nobody moves, or if the correlation does not fall so far within the lags."""
         known = self._terms > 0
-        cycle_s = (self._last_s - self._first_s) / max(self._terms[0] - 1, 1)  # which pulses shorten
+        cycle_s = (self._last_s - self._first_s) / max(self._terms[0] - 1, 1)  # pulses shorten cycles
         interval_s = self.simulation.step_s if self.has_bodies else float(cycle_s)
         return correlation_time(self._sums[known] / self._terms[known], interval_s)
 
 
 def correlation_time(correlation: FloatArray, interval_s: float) -> float | None:
-    """Return when a correlation, (lags,) from lag 0 on, falls to 1 / e of its first value; None if it never does.
+    """Return when a correlation, (lags,) from lag 0, falls to 1 / e of its first value, in s; None if it never does.
 
     >>> correlation_time(np.array([4.0, 2.0, 1.0]), 0.1)
     0.15284822353142308
@@ -163,7 +163,7 @@ class _Map(Shipped):
             raise ValueError(f"cells is {parameters.cells}, along each of {axes} axes; allowed: {MOST_CELLS} in all")
 
     def cycle(self, event: Any, _: Any) -> None:
-        """Count who is in which cell; those on an edge belong to the cell beyond it, or to the last."""
+        """Count positions in each cell; one on an edge belongs to the cell beyond it, or to the last."""
         places = self.positions(event) // self._cell_cm
         x_first = np.clip(places, 0, self.cells - 1).astype(np.int64).T
         np.add.at(self._counts, tuple(x_first[::-1]), 1)  # x runs fastest
@@ -189,7 +189,7 @@ class Density(_Map):
 
 
 class Moved(Shipped):
-    """Distance in cm that a movable moves in an hour, straight from cycle to cycle; a mean over movables (robots)."""
+    """Mean distance in cm that a movable moves in an hour, measured straight from cycle to cycle (robots)."""
 
     UNIT = "cm/h"
     MODELS = ("embodied",)
@@ -218,7 +218,7 @@ class Moved(Shipped):
 class Avoiding(Share):
     """Share of time in which a robot turns: its wheels are commanded different speeds (robots).
 
-    With the shipped motion algorithm (Appendix B), which drives straight ahead else, this is the time in avoidance.
+    With the shipped motion algorithm (Appendix B), which otherwise drives straight on, this is the time in avoidance.
     """
 
     MODELS = ("embodied",)

@@ -30,8 +30,8 @@ class _Twin(Series):
         super().__post_init__()
         scenario, seed = self.simulation.scenario, self.simulation.seed
         self._twin = make_twin(scenario, seed, self.displacement)
-        self._wait_s = scenario.clocks.period_s / 2 if self.displacement else 0.0  # a twin hardly behind fires later
-        # what a schedule changes at the very time of a firing, the twin has had then, and a copy of the trial, too
+        self._wait_s = scenario.clocks.period_s / 2 if self.displacement else 0.0  # a twin slightly behind fires later
+        # a twin that is run to a firing has had changes scheduled for that time: compare it with a copy run alike
         self._trial = make_endless(scenario, seed) if self._wait_s or scenario.schedule else self.simulation
 
     @staticmethod
@@ -55,15 +55,15 @@ class _Twin(Series):
 class Perturbation(_Twin):
     """Largest deviation of a phase from that of an undisturbed twin, in cycles, at each cycle (series; agents).
 
-    The twin has neither the scenario's displacement nor its jitter (5.4); with `displacement`, it has both, and the
-    phase of its agent 0 is ahead by so much at the start; both are then compared half a period after each firing.
+    The twin has neither the scenario's displacement nor its jitter (5.4). With `displacement` it has both, the phase of
+    its agent 0 starts ahead by `displacement`, and the two are compared half a period after each firing.
     """
 
     UNIT = "cycles"
 
 
 class PerturbationGrowth(_Twin):
-    """Growth of that deviation from the last cycle: ln(d / d before) at each cycle (series; agents)."""
+    """Growth of the deviation `perturbation` since the last cycle: ln(d / d before) at each cycle (series; agents)."""
 
     def value(self) -> list[float | None]:
         """Return the series; None at the first cycle and where the deviation is too small or too large to tell."""
@@ -94,7 +94,7 @@ class PerturbationTransient(_Twin):
     UNIT = "cycles"
 
     def value(self) -> int | None:
-        """Return the number of cycles after which none is beyond it; None if the last one is."""
+        """Return the number of cycles after which no deviation is above `tolerance`; None if the last one is."""
         beyond = [cycle for cycle, deviation in enumerate(self._series, 1) if deviation > self.tolerance]
         last = beyond[-1] if beyond else 0
         return last if last < len(self._series) else None
@@ -109,7 +109,7 @@ def growth_rates(deviations: list[float]) -> list[float | None]:
 
 
 def mean_with_interval(rates: list[float]) -> list[float | None]:
-    """Return the mean of rates and the ends of Student's 95 % interval, as if they did not depend on each other."""
+    """Return the mean of rates and the ends of Student's 95 % interval, as if the rates were independent."""
     if not rates:
         return [None, None, None]
     values: FloatArray = np.array(rates)

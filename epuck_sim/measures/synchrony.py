@@ -14,12 +14,12 @@ class OrderParameter(Series):
     """Order parameter at each firing of the reference: `stop.metric`, eq. 4.2, 5.7 or 3.4 (series)."""
 
     def cycle(self, _: Any, state: Any) -> None:
-        """Take note of the order parameter, which the trial has measured; None where the reference is no oscillator."""
+        """Record the order parameter that the trial has measured; None where the reference is no oscillator."""
         self._series.append(state.order_parameter)
 
 
 def read_thresholds(text: str) -> list[float]:
-    """Return the numbers in a text, parted by blanks or commas; raise ValueError if there is none.
+    """Return the numbers in a text, between blanks or commas; raise ValueError unless all are above 0 and up to 1.
 
     >>> read_thresholds("0.5, 0.95")
     [0.5, 0.95]
@@ -56,7 +56,7 @@ class ThresholdCycles(Shipped):
 
 @dataclass
 class BelowThreshold(Share):
-    """Share of the cycles after the order parameter first reached `threshold` in which it is below it."""
+    """Share of the cycles with an order parameter below `threshold`, among those after it was first reached."""
 
     threshold: float = 0.95
     check = staticmethod(allowed(threshold=(lambda threshold: 0 < threshold <= 1, "above 0 and up to 1")))
@@ -94,7 +94,7 @@ def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
     ordered = phases[order] % 1.0
     is_end = np.diff(ordered, append=ordered[0] + 1.0) > gap
     numbers = np.empty(len(phases), np.int64)
-    # a cluster that goes on across phase 0 ends with the first of the circle's ends
+    # phases after the last end belong to the first cluster, across phase 0
     numbers[order] = (np.cumsum(is_end) - is_end) % max(int(is_end.sum()), 1)
     return numbers
 
@@ -131,7 +131,7 @@ class LargestCluster(_Clusters, Series):
 class ClusterLife(_Clusters, Share):
     """Mean life of phase clusters of two or more, in cycles: clusters at risk over clusters that end.
 
-    A cluster lives on if, at the next cycle, one has more than half of all that are in either of the two.
+    A cluster lives on if it and a cluster of the next cycle have in common more than half of all their members.
     """
 
     UNIT = "cycles"
@@ -146,9 +146,9 @@ class ClusterLife(_Clusters, Share):
 
 
 def surviving_clusters(before: IntArray, after: IntArray) -> tuple[int, int]:
-    """Return how many clusters of two or more live on, and how many do not, as `ClusterLife` says.
+    """Return how many clusters of two or more live on, and how many do not (see `ClusterLife`).
 
-    `before` and `after` are (n,) the numbers of the clusters to which each belongs, at two cycles.
+    `before` and `after` are (n,) the cluster numbers of the same oscillators at two cycles.
     """
     common = np.zeros((before.max() + 1, after.max() + 1), np.int64)
     np.add.at(common, (before, after), 1)

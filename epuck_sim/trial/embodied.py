@@ -30,14 +30,14 @@ NOMINAL_PERIOD_S = 5.0  # length of a cycle, in seconds, if the reference is no 
 class SynchronyWatch:
     """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
 
-    Robots that are no oscillators do not count; if the reference is none, nothing is measured and every 5 s count as a
-    cycle. One oscillator alone is never synchronised. Once the swarm is synchronised it counts as such, whatever it
-    does in the further cycles. Robots that are not in the arena do not count either.
+    Only oscillators in the arena count. If the reference is no oscillator, no order parameter is measured and every 5 s
+    count as a cycle. One oscillator alone is never synchronised. Once the swarm is synchronised it counts as such,
+    whatever it does in the further cycles.
     """
 
     cycles: int  # firings of the reference so far
     order_parameter: float | None  # order parameter at the reference's last firing; None before the first
-    events: Sequence[TrialEvent]  # what has changed so far by the schedule, or by faults
+    events: Sequence[TrialEvent]  # changes so far, by the schedule or by faults
     measures: bool  # whether the reference is an oscillator
 
     def __init__(self, simulation: Simulation) -> None:
@@ -56,7 +56,7 @@ class SynchronyWatch:
         self._step_s = step_ms / 1000
         period_ms = simulation.period_ms[self._reference] if self.measures else NOMINAL_PERIOD_S * 1000
         self._steps_a_cycle = NOMINAL_PERIOD_S * 1000 / step_ms
-        # a reference that never fires must not keep a trial for ever: twice the time that its cycles should take
+        # a trial whose reference never fires must end, too: after twice the time that its cycles should take
         self._max_steps = math.ceil(2 * stop.max_cycles * (period_ms / step_ms + 1))
         if stop.max_time_s is not None:
             self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
@@ -68,7 +68,7 @@ class SynchronyWatch:
         self.order_parameter = None
 
     def look(self, step: Step, *, is_firing: bool) -> None:
-        """Take note of a step in which the reference fires, see `Simulation.is_firing`, or not; nor since the last."""
+        """Record a step, in which the reference may fire (`Simulation.is_firing`), but not in steps left out before."""
         if not self.measures:
             self.cycles = int((step.number + 1) / self._steps_a_cycle)
         elif is_firing:
@@ -80,7 +80,7 @@ class SynchronyWatch:
         counted = step.phase_ms[self._oscillators]
         if self._members_change:
             counted = counted[step.present[self._oscillators]]
-        if not math.isfinite(np.add.reduce(counted)):  # nor are all of them, then
+        if not math.isfinite(np.add.reduce(counted)):  # then not all of them are
             phases = step.phase_ms.tolist()
             raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases}")
         self.order_parameter = r = float(self.measure(step.phase_ms))
@@ -120,7 +120,7 @@ class SynchronyWatch:
     def steps_left(self) -> int:
         """Steps until the trial ends at its limits, unless the reference fires before; at least 1.
 
-        If the reference is no oscillator, they are no more than the steps until the next cycle is complete.
+        If the reference is no oscillator, at most the steps until the next cycle is complete.
         """
         end = self._max_steps
         if not self.measures:
@@ -129,7 +129,7 @@ class SynchronyWatch:
 
     @property
     def has_t_sync(self) -> bool:
-        """Whether the trial has a T_sync, known or censored: there is a threshold for an oscillator to fire at."""
+        """Whether the trial has a T_sync, known or censored: the reference oscillates, and there is a threshold."""
         return self.measures and self._threshold < math.inf
 
     @property
@@ -155,7 +155,7 @@ def run_robots(
 ) -> TrialResult:
     """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
-    Without observers of each step, only the steps in which the reference fires are looked at, which is much quicker.
+    Without observers, Python sees only the steps in which the reference fires, which is much quicker.
     """
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
@@ -208,7 +208,7 @@ def start_like(robots: Scenario | str | Path | Mapping[str, Any], seed: int) -> 
     """Return the section `start` of point agents that start like the robots of a trial.
 
     Args:
-        robots: A scenario of robots, all of them oscillators, or what `load_scenario` takes.
+        robots: A scenario of robots that are all oscillators, or what `load_scenario` takes.
         seed: The trial's seed.
 
     Returns:

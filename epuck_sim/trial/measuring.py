@@ -1,4 +1,4 @@
-"""Tells measures of a trial while it runs, gathers their values, and carries out what waits for them or for a cycle."""
+"""Updates measures while a trial runs, gathers their values, and carries out entries that wait for them or a cycle."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,18 +19,18 @@ NEVER = 2**62  # number of a firing that no trial reaches
 
 
 class ConditionWatch:
-    """Looks at the values of a measure until a condition on it has held."""
+    """Checks a condition on the values of a measure until it has held."""
 
     has_held = False
 
     def __init__(self, condition: Condition, for_cycles: int | None) -> None:
         self.measure = condition.measure
-        # whether it is to look at firings of the reference alone, instead of wherever the measure is told
+        # whether to check only at firings of the reference, rather than whenever the measure is updated
         self.counts_firings = for_cycles is not None
         self._condition, self._needed, self._in_a_row = condition, for_cycles or 1, 0
 
     def look(self, value: Value) -> None:
-        """Take note of a value; where it is undetermined, the condition does not hold."""
+        """Check a value; where it is undetermined, the condition does not hold."""
         holds = isinstance(value, int | float) and self._condition.holds(value)
         self._in_a_row = self._in_a_row + 1 if holds else 0
         self.has_held = self.has_held or self._in_a_row >= self._needed
@@ -39,16 +39,16 @@ class ConditionWatch:
 class Measuring:
     """The measures of a trial, and what waits for one of them or for a cycle.
 
-    That is the condition that ends the trial, and entries of its schedule without a time.
+    Those that wait are the condition that ends the trial, and entries of its schedule without a time.
     """
 
     def __init__(self, simulation: Any) -> None:
         """Make the measures of a fresh simulation that is about to run."""
         scenario: Scenario = simulation.scenario
         schedule: Sequence[ScheduleEntry] = getattr(scenario, "schedule", ())
-        self.at_events: list[Observer] = []  # tell the measures that ask for every event
-        self.at_stretches: list[Observer] = []  # tell those that take many steps of robots at once, by a `Stretch`
-        self.at_cycles: list[Observer] = []  # tell the measures that ask for every firing of the reference
+        self.at_events: list[Observer] = []  # update the measures that need every event
+        self.at_stretches: list[Observer] = []  # update those that take many steps of robots at once, as a `Stretch`
+        self.at_cycles: list[Observer] = []  # update the measures that need every firing of the reference
         self._values: dict[str, Callable[[], Value]] = {}
         self._watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
         self._entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
@@ -87,7 +87,7 @@ class Measuring:
         return min((entry.at_cycle for entry in self._entries.values() if entry.at_cycle is not None), default=NEVER)
 
     def carry_out(self, state: TrialState, carry_out: Callable[[int], None]) -> None:
-        """Have entries carried out whose moment has come, by their numbers; to be called between two events."""
+        """Carry out the entries that are due, by passing their numbers to `carry_out`; call this between two events."""
         for number, entry in list(self._entries.items()):
             by_cycle = entry.at_cycle is not None and state.cycles >= entry.at_cycle
             if by_cycle or (entry.when is not None and self._watches[condition_key(number)].has_held):
@@ -145,7 +145,7 @@ def as_value(given: Any) -> Value:
 
 
 def last_scalar(given: Any) -> Scalar:
-    """Convert the value of a measure to a plain scalar; a series to its last one, None if it is empty."""
+    """Convert the value of a measure to a plain scalar: that of a series is its last one, or None if it is empty."""
     if isinstance(given, list | tuple | np.ndarray):
         return _as_scalar(given[-1]) if len(given) else None
     return _as_scalar(given)

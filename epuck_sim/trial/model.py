@@ -40,8 +40,8 @@ class Model(NamedTuple):
     simulate: Callable[[Any, int, bool], Simulated]
     """Returns a fresh simulation; takes the scenario, a seed, and whether to interpret controllers."""
     run: Callable[[Any, Sequence[Observer], Progress | None, Measuring], TrialResult]
-    """Returns the outcome of a trial; takes a fresh simulation, observers, what shows progress, and measures: observers
-    that are called after firings of the reference alone, and conditions that the trial waits for."""
+    """Returns the outcome of a trial; takes a fresh simulation, observers of every event, a function that shows
+    progress, and the trial's `Measuring`."""
     check_room: Callable[[Any], None]  # raises ScenarioError for a scenario whose population finds no room
 
 
@@ -61,17 +61,17 @@ def _run_robots(*given: Any) -> TrialResult:
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
-    if not _has_room(scenario):  # which needs no compiled code
+    if not _has_room(scenario):  # this check needs no compiled code
         from epuck_sim.trial.embodied import start_poses
 
         start_poses(scenario, [scenario.seed])
 
 
 def _has_room(scenario: EmbodiedScenario) -> bool:
-    """Return whether robots are apart at given poses, or fewer than points of a grid, or find random places.
+    """Return whether robots surely fit: apart at given poses, at most one a point of a grid, or at random places.
 
-    They do where a twentieth of all places is free for the last one: one is found within as many draws as there are
-    (`start.MAX_DRAWS`), 10,000, but once in 10 ** 222 trials. Where less is free, a few hundred are placed to try.
+    Random places are found if a twentieth of all places is free for the last robot: the 10,000 draws of one
+    (`start.MAX_DRAWS`) all fail once in 10 ** 222 trials. Where less is free, up to 300 robots are placed to try.
     """
     radius_cm, arena = max(kind.radius_cm for kind in scenario.group_kinds), scenario.arena.build()
     if all(group.poses for group in scenario.robots):
@@ -96,7 +96,7 @@ def _has_room(scenario: EmbodiedScenario) -> bool:
 
 
 def _is_placed(robots: int, diameter_cm: float, sides_cm: FloatArray) -> bool:
-    """Return whether robots find random places one after the other, if they are few enough to try."""
+    """Try to place robots at random, one after the other; return whether all fit, False for too many to try."""
     draws, places = np.random.default_rng(0), np.empty((0, 2))
     while len(places) < robots <= 300:  # more take too long
         tried = draws.uniform(0, sides_cm, (1000, 2))
@@ -145,7 +145,7 @@ register_model("particles", Model(ParticleScenario, _simulate_agents, _run_agent
 def simulate(scenario: Scenario, seed: int, *, interpret: bool = False) -> Simulated:
     """Return a fresh simulation of a scenario, with everything compiled that it needs.
 
-    Raises ScenarioError where controllers are to be interpreted and there are none, and what the model raises.
+    Raises ScenarioError if controllers are to be interpreted but there are none, and whatever the model raises.
     """
     return MODELS[scenario.model].simulate(scenario, seed, interpret)
 
@@ -163,13 +163,13 @@ def run_trial(
         progress: Called with the state of the trial now and then.
 
     Returns:
-        The outcome, which the scenario and the seed alone decide.
+        The outcome, which depends on the scenario and the seed alone.
 
     Raises:
         TypeError: `simulation` is not a simulation.
-        ValueError: The simulation is under way, and its cycles before would go uncounted; or an observer that keeps the
-            trial's seed, as `trial_seed`, has another one.
-        MeasureError: One of the scenario's measures raises, or returns what is no value.
+        ValueError: The simulation has already run, so that its earlier cycles would not count; or an observer has a
+            `trial_seed` that is not the trial's seed.
+        MeasureError: One of the scenario's measures raises an error, or returns something that is no value.
 
     >>> from epuck_sim import Simulation
     >>> run_trial(Simulation("thesis", seed=1)).t_sync_cycles

@@ -1,4 +1,4 @@
-"""One trial of point agents: a simulation that runs until it is synchronised, or for as long as it may take."""
+"""One trial of point agents: a simulation that runs until it is synchronised, or up to its limit."""
 
 import time
 from collections.abc import Sequence
@@ -7,8 +7,8 @@ from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
 
-SLICE_S = 0.02  # wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress
-FIRST_SLICE = 100_000  # number of agents that pulses of the first slice may reach: milliseconds, in any swarm
+SLICE_S = 0.02  # wall time for which compiled code runs before it returns to Python, for Ctrl-C and for progress
+FIRST_SLICE = 100_000  # number of agents that pulses of the first slice may reach; takes milliseconds in any swarm
 
 
 def run_agents(
@@ -17,9 +17,9 @@ def run_agents(
     """Run a fresh simulation of point agents to the end of its trial; see `trial.model.Model.run`.
 
     Without observers, compiled code runs for about `SLICE_S` at a time, which is much quicker. A slice is a number of
-    pulses, whose cost hardly changes as the swarm synchronises; that of an instant, or of a period, does. With measures
-    of cycles, a slice ends at the next firing of the reference; it ends where an entry of the schedule waits for one,
-    too. A trial that ends at a time ends there exactly.
+    pulses: their cost hardly changes as the swarm synchronises, unlike that of an instant or a period. It also ends at
+    the next firing of the reference if measures need it, and at a firing that an entry of the schedule waits for. A
+    trial that ends at a time ends there exactly.
     """
     if simulation.instants:
         raise ValueError(
@@ -27,7 +27,7 @@ def run_agents(
         )
     stop, period_s = simulation.scenario.stop, simulation.scenario.clocks.period_s
     limit = stop.max_cycles
-    longest = 2 * limit  # periods: a reference that others hold back for ever must not keep a trial for ever
+    longest = 2 * limit  # periods, after which a trial ends whose reference is held back for ever by others
     end_s = longest * period_s if stop.max_time_s is None else min(longest * period_s, stop.max_time_s)
     is_timed = end_s == stop.max_time_s
     periods, share = divmod(end_s / period_s, 1.0)
@@ -51,7 +51,7 @@ def run_agents(
             now = simulation.cycles
         else:
             asked = time.perf_counter()
-            # what shows progress is to see order parameters, which are measured at firings of the reference alone
+            # progress shows order parameters, which are measured only at firings of the reference
             is_one_cycle = bool(measuring.at_cycles) or (progress is not None and simulation.order_parameter is None)
             last_cycle = cycles + 1 if is_one_cycle else min(limit, measuring.next_cycle)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
@@ -60,7 +60,7 @@ def run_agents(
             if took > 2 * SLICE_S:
                 pulses = max(1, pulses // 2)
             elif took < SLICE_S / 2 and not (is_one_cycle and now > cycles):
-                pulses *= 2  # a slice that a firing has ended tells nothing of how long a whole one takes
+                pulses *= 2  # a slice that ended at a firing does not show how long a whole one takes
         if now > cycles:
             for observer in measuring.at_cycles:
                 observer(simulation.last_instant(), simulation)

@@ -11,13 +11,13 @@ from epuck_sim.measures.measure import Value
 from epuck_sim.order_parameter import Firing
 from epuck_sim.scenario.changes import TrialEvent
 
-WINDOW = 200  # number of cycles whose order parameters are looked at together
+WINDOW = 200  # number of cycles whose order parameters are judged together
 NORMAL_QUANTILE = 3.0902  # 99.9 % quantile of the standard normal distribution
-STANDSTILL = 0.05  # largest change of the order parameter, relative to what it lacks to 1, that counts as none
+STANDSTILL = 0.05  # largest change of the order parameter, relative to its distance from 1, that counts as none
 
 
 class TrialState(Protocol):
-    """How far a trial is, whatever its model: a `SynchronyWatch` of robots, or a `ParticleSimulation` itself."""
+    """State of a trial of any model: a `SynchronyWatch` of robots, or a `ParticleSimulation` itself."""
 
     @property
     def time_s(self) -> float:
@@ -80,8 +80,8 @@ def is_hopeless(orders: npt.ArrayLike, oscillators: int, metric: str = "complex"
 def _of_random_phases(oscillators: int, metric: str) -> tuple[float, float]:
     """Return mean and standard deviation of the order parameter of random phases.
 
-    The mean distance of a random walk of n unit steps is that of a Gaussian one but for a factor of 1 + 1 / 16 n, with
-    an error of 1.5 % for two steps and at most 0.5 % for more; its mean square is n.
+    The mean distance of a random walk of n unit steps is that of a Gaussian one times 1 + 1 / 16 n, with an error of
+    1.5 % for two steps and at most 0.5 % for more; its mean square is n.
     """
     if metric == "reference":  # the reference's own phase is 0
         return 1 / oscillators, math.sqrt((oscillators - 1) / 2) / oscillators
@@ -90,7 +90,7 @@ def _of_random_phases(oscillators: int, metric: str) -> tuple[float, float]:
 
 
 class HopelessnessWatch:
-    """Looks at a trial again and again, until it looks hopeless."""
+    """Judges a trial every `WINDOW` cycles, until it looks hopeless."""
 
     def __init__(self, metric: str, tell: Callable[[float], None]) -> None:
         """Watch a trial; `tell` is called once, with the mean order parameter, when the trial looks hopeless."""
@@ -100,7 +100,7 @@ class HopelessnessWatch:
         self._orders: list[float] = []
 
     def __call__(self, state: TrialState) -> None:
-        """Take note of the last cycle, unless it was seen before; between two looks some may be missed."""
+        """Record the last cycle, unless it was recorded before; cycles between two calls are missed."""
         if self._tell is None or state.cycles == self._cycle or state.order_parameter is None:
             return
         self._cycle = state.cycles
@@ -125,7 +125,7 @@ class TrialResult(NamedTuple):
     censored: bool | None
     """Whether the trial ended, at its limit of cycles or time, before the swarm was synchronised.
 
-    None of a trial without T_sync: its reference is no oscillator, or `stop.order_parameter` is null.
+    None for a trial without T_sync: its reference is no oscillator, or `stop.order_parameter` is null.
     """
     cycles: int
     """Firings of the reference robot, until synchrony if there was any."""
@@ -136,7 +136,7 @@ class TrialResult(NamedTuple):
     simulated_s: float
     """Simulated time in seconds."""
     wall_s: float
-    """Time that the trial took, in seconds on the wall."""
+    """Wall time of the trial in seconds."""
     measures: Mapping[str, Value] = {}
     """Value of each of the scenario's measures by its name."""
     events: tuple[TrialEvent, ...] = ()
@@ -144,7 +144,7 @@ class TrialResult(NamedTuple):
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated seconds in a second on the wall."""
+        """Simulated seconds per second of wall time."""
         return self.simulated_s / self.wall_s
 
     def _repr_html_(self) -> str:

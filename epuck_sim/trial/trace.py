@@ -76,13 +76,13 @@ class Trace:
             self._file = stack.pop_all()
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
-        """Take note of a step."""
+        """Record a step."""
         times, fields = np.full(self._robots, step.time_s), (field_values(step, each) for each in self._fields.values())
         rings = step.ring_on, step.phase_ms, step.flash_seen
         shown = times, step.poses, step.wheels_cm_s, *rings, step.distance_mm, step.infrared, step.camera, *fields
         self._steps.append([values.copy() for values in shown])
         if self._relations:
-            contacts = step.contacts  # those of two robots are to be listed for each of them
+            contacts = step.contacts  # a contact of two robots is listed for both of them
             both_ways = np.concatenate([contacts, contacts[contacts[:, 1] >= 0, ::-1]])
             self._relations["sees"] += _listed(step.sightings, self._robots)
             self._relations["touches"] += _listed(both_ways, self._robots)
@@ -135,7 +135,7 @@ class Trace:
 
 
 def _listed(pairs: IntArray, robots: int) -> list[list[int]]:
-    """Return, for each robot, the second numbers of the pairs that it begins, ascending."""
+    """Return for each robot, in ascending order, the second numbers of the pairs in which it is first."""
     lists: list[list[int]] = [[] for _ in range(robots)]
     for first, second in sorted(pairs.tolist()):
         lists[first].append(second)
