@@ -1,4 +1,4 @@
-"""Which sweep a run folder is for: it belongs to one if everything on which its trials depend is the same."""
+"""Check whether a run folder belongs to a sweep: everything on which its trials depend must be the same."""
 
 import json
 import sqlite3
@@ -28,14 +28,14 @@ class StoredPoint(NamedTuple):
     axes: str
     scenario: str
     controllers: str
-    """Controller of each group, a shipped one's name, or the name and the digest of the sources of a user's file, and
-    likewise those of sensors, and the picture of a floor; of agents, a file of robots and a user's response curve."""
+    """Controller of each group, by name, for a user's file with the digest of its sources; after them, written alike,
+    sensors and the picture of a floor. For agents, a file of robots and a user's response curve."""
     measures: str  # by the name of each measure, its parameters and the measure itself, as controllers are stored
     share: str | None = None  # share of the sweep that the folder is for, as 3/40; None for the whole
 
 
 def stored_point(point: Point) -> StoredPoint:
-    """Return a point as it is stored, of the whole sweep."""
+    """Return a point as it is stored in a folder for the whole sweep."""
     scenario = point.scenario
     measures = {
         section.name: {**section.parameters, "measure": name_with_digest(*measure_sources(section))}
@@ -56,13 +56,13 @@ WITH_VALUES = """
     (SELECT json_group_object(one.key, json(one.value)) FROM json_each(measures) AS one WHERE EXISTS (
         SELECT 1 FROM trials, json_each(measured) AS value WHERE point = points.key AND value.key = one.key))
 """
-"""SQL term: the measures of a point of which a trial has a value; the others may be replaced, or left out."""
+"""SQL term: those measures of a point for which a trial has a value; the others may be replaced, or left out."""
 
 
 def read_stored_points(
     connection: sqlite3.Connection, trials: str = "trials", measures: str = "measures"
 ) -> list[StoredPoint]:
-    """Return the points of a database in the order of the sweep, with trials and measures that SQL terms give."""
+    """Return the points of a database in the order of the sweep; SQL terms give their trials and measures."""
     columns = f"key, number, {trials}, axes, scenario, controllers, {measures}"
     return [StoredPoint(*row) for row in connection.execute(f"SELECT {columns} FROM points ORDER BY number")]
 
@@ -70,9 +70,9 @@ def read_stored_points(
 def check_same_sweep(
     folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint], other: str = "now"
 ) -> None:
-    """Raise StoreError, with what differs, unless stored points belong to a sweep, which may have more of all.
+    """Raise StoreError that says what differs, unless stored points belong to the sweep of the given ones.
 
-    `other` says in messages where the sweep's values are.
+    The sweep may have more points, trials and measures. `other` says in messages where its values are.
     """
     now = {point.key: point for point in given}
     for point in stored:
@@ -81,7 +81,7 @@ def check_same_sweep(
 
 
 def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str) -> Iterator[str]:
-    """Yield why a point of a folder does not belong to a sweep with these points by key; after the first, no more."""
+    """Yield reasons why a stored point is not of a sweep with these points, by key; do not resume after the first."""
     axes = [list(json.loads(each.axes)) for each in (point, next(iter(given.values())))]
     if set(axes[0]) != set(axes[1]):
         both = " and ".join(", ".join(each) or "none" for each in axes)
@@ -97,7 +97,7 @@ def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str)
         lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
         yield f"results of another scenario; give another folder:\n  {lines}"
     measures = json.loads(now.measures)
-    # measures that were added are none of these: stored trials are run again for them
+    # measures added since are not compared: stored trials are run again for them
     for name, measure in json.loads(point.measures).items():
         if name not in measures:
             yield f"results of the measure {name}, which is lacking {other}; give another folder"
@@ -117,7 +117,7 @@ def _differences(before: Mapping[str, Any], after: Mapping[str, Any], other: str
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
     scenario = json.loads(point.scenario)
-    with suppress(ScenarioError):  # it no longer validates, and is compared as it was stored
+    with suppress(ScenarioError):  # if it no longer validates, it is compared as it was stored
         scenario = validate(scenario, "stored").model_dump(mode="json")  # with defaults of keys that were added since
     stored = iter(json.loads(point.controllers))
     for group in scenario.get("robots", ()):

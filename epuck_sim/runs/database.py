@@ -1,6 +1,6 @@
 """The SQLite file of a run folder: its tables, a checksum in each row, and how it is made, checked and opened.
 
-SQLite checks the structure of its file, and no contents; each row has a CRC-32 of its other columns and of their names.
+SQLite checks only the structure of its file, so each row has a CRC-32 of its other columns and of their names.
 """
 
 import json
@@ -36,7 +36,7 @@ RESULT = {
 """Columns that hold fields of a TrialResult, and the kind of their values."""
 
 REPEATED = ("t_sync_cycles", "order_parameter", "simulated_s", "steps", "cycles")
-"""Those of them, but for `censored`, that are the same whenever a trial is repeated."""
+"""Columns of `RESULT`, besides `censored`, that are the same whenever a trial is repeated."""
 
 KEYS = {"points": ("key",), "trials": ("point", "trial")}  # primary key of each table
 
@@ -80,7 +80,7 @@ UNMEASURED = """
 NULL = -1  # number that stands for NULL in a column of numbers that are never negative
 
 MARSHAL_VERSION = 2
-"""Format in which values are summed: the first with floats in binary, without references, and never changed again."""
+"""Marshal format for checksums: the first with floats in binary, without references, and never changed again."""
 
 _checked: dict[Path, tuple[int, int, int]] = {}
 """Inode, time of change and size of each database that this process has found undamaged, or has written itself."""
@@ -88,11 +88,11 @@ _checked: dict[Path, tuple[int, int, int]] = {}
 
 @contextmanager
 def new_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ...]]) -> Iterator[sqlite3.Connection]:
-    """Yield a database with points and without trials, which appears under its name when the block ends well."""
+    """Yield a database with points and no trials, which appears under its name if the block ends without an error."""
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
     with sqlite_errors(path), atomic_write(path) as part, closing(_connect(part, "rwc")) as connection:
-        connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
+        connection.execute("PRAGMA journal_mode = OFF")  # if this is killed, only the file itself is left
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {FORMAT}")
         connection.executescript(TABLES.format(axes=columns, provenance=provenance))
@@ -105,9 +105,9 @@ def new_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ..
 
 @contextmanager
 def reading(folder: Path | str) -> Iterator[sqlite3.Connection]:
-    """Check the database of a run folder, and yield a connection to it that cannot write.
+    """Check the database of a run folder, and yield a read-only connection to it.
 
-    All that is read in the block is of one moment, whatever a run that is at work on the database adds meanwhile.
+    The block reads one snapshot, whatever a run that is at work on the database adds meanwhile.
     """
     path = database_of(folder)
     check_database(path)
@@ -127,7 +127,7 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
         connection.execute("PRAGMA synchronous = FULL")
         opened = path.stat()
         yield connection
-        if not is_at(path, opened):  # what has the name now, and its log, are not ours to change
+        if not is_at(path, opened):  # the file with this name, and its log, are now another's
             return
         with suppress(sqlite3.OperationalError):
             connection.execute("PRAGMA journal_mode = DELETE")
@@ -137,8 +137,8 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def note_trials(path: Path, count: int) -> None:
-    """Note beside a database how many trials it holds; a note that was cut off says fewer, or nothing."""
-    with suppress(OSError):  # the disk is full, say; what is stored is stored
+    """Write the number of trials in a database to a file beside it; if cut off, it is lower, or missing."""
+    with suppress(OSError):  # such as a full disk; stored trials are not affected
         path.with_name(STORED).write_text(str(count), encoding="ascii")
 
 
@@ -150,7 +150,7 @@ def _noted_trials(path: Path) -> int:
 
 
 def check_database(path: Path) -> None:
-    """Check that a file is an undamaged database of ours; every state of a file is checked once a process."""
+    """Check that a file is an undamaged database of ours; a process checks each state of a file once."""
     try:
         state = _state(path)
         if _checked.get(path.resolve()) == state:
@@ -167,7 +167,7 @@ def check_database(path: Path) -> None:
     page_size = int.from_bytes(header[16:18])
     damage = _damage(path)
     if damage is None and path.stat().st_size % (65536 if page_size == 1 else page_size):
-        damage = "its end is missing"  # SQLite would take what is missing of the last page for zeros
+        damage = "its end is missing"  # SQLite would read the missing part of the last page as zeros
     if damage is not None:
         raise StoreError(f"{path}: is damaged: {damage}")
     _checked[path.resolve()] = state
@@ -179,8 +179,8 @@ def _state(path: Path) -> tuple[int, int, int]:
 
 
 def _damage(path: Path) -> str | None:
-    """Return the damage of a database, all of which is read; None if there is none."""
-    expected = _noted_trials(path)  # before the moment of which is read: a run at work may add to both
+    """Read all of a database, and return its damage; None if there is none."""
+    expected = _noted_trials(path)  # before the snapshot begins: a run at work may add to both
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         connection.execute("BEGIN")
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
@@ -194,7 +194,7 @@ def _damage(path: Path) -> str | None:
         if connection.execute("SELECT point FROM trials EXCEPT SELECT key FROM points").fetchone() is not None:
             return "it has trials of a point that is gone"
         (found,) = connection.execute("SELECT count(*) FROM trials").fetchone()
-    if found < expected:  # SQLite takes what is damaged in its log for the log's end
+    if found < expected:  # SQLite takes damage in its log for the log's end
         return (
             f"its log has lost trials: {expected} were stored, {found} can be read; to go on with these, delete "
             f"{path.with_name(STORED)}"
@@ -203,7 +203,7 @@ def _damage(path: Path) -> str | None:
 
 
 def _damage_of_rows(connection: sqlite3.Connection, table: str) -> str | None:
-    """Return the fault of the first row of a table without its checksum; None if all rows have theirs."""
+    """Return a message about the first row of a table with a wrong checksum; None if all are right."""
     columns = columns_of(connection, table)
     if "checksum" not in columns:
         return f"{table} has no checksums" if columns else f"it has no table {table}"
@@ -223,8 +223,8 @@ def _damage_of_rows(connection: sqlite3.Connection, table: str) -> str | None:
 def sign(connection: sqlite3.Connection, table: str, rows: Iterable[Sequence[Any]] | None = None) -> None:
     """Store the checksums of the rows that have these keys, or of all rows.
 
-    They are read again for it: SQLite may store other values than it was given. It calls no function of ours, in which
-    Ctrl-C would be lost.
+    Rows are read again, as SQLite may store other values than it was given. Sums are not computed in a function that
+    SQLite calls: Ctrl-C would be lost in it.
     """
     keys = KEYS[table]
     if rows is None:
@@ -238,9 +238,9 @@ def sign(connection: sqlite3.Connection, table: str, rows: Iterable[Sequence[Any
 def summing(
     connection: sqlite3.Connection, table: str, columns: Sequence[str]
 ) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """Return the function that puts its checksum behind a row of these columns, whose others are NULL.
+    """Return a function that appends its checksum to a row of these columns; the row's other columns are NULL.
 
-    Its values must be as SQLite stores them.
+    The values must be as SQLite stores them.
     """
     names, of_names = _named(connection, table)
     place = {name: number for number, name in enumerate(columns)}
@@ -249,7 +249,7 @@ def summing(
 
 
 def _summed(connection: sqlite3.Connection, table: str) -> str:
-    """Return the SQL of what a checksum covers: a number for the columns' names, and the columns by name."""
+    """Return SQL for the values that a checksum covers: a number for the columns' names, and the columns by name."""
     names, of_names = _named(connection, table)
     return ", ".join([str(of_names), *map(quoted, names)])
 
@@ -281,7 +281,7 @@ def as_column(value: Any) -> Any:
 
 
 def as_stored(value: Any, kind: type | None = None) -> Any:
-    """Return a value as SQLite returns it from a column of numbers or text of a kind, by default of its own.
+    """Return a value as SQLite returns it from a column of a kind of numbers or text, by default the value's own.
 
     >>> as_stored(True), as_stored(1, float), as_stored(-0.0), as_stored(float("nan")), as_stored("a")
     (1, 1.0, 0.0, None, 'a')
@@ -293,18 +293,18 @@ def as_stored(value: Any, kind: type | None = None) -> Any:
 
 
 def read_numbers(text: str | None) -> IntArray:
-    """Return the whole numbers that `group_concat` has made a text of: faster than an object of Python for each."""
+    """Return the whole numbers in a text from `group_concat`, which is faster than a Python object for each."""
     return np.fromstring(text or "", np.int64, sep=",")
 
 
 def _connect_to_read(path: Path) -> sqlite3.Connection:
-    """Return a connection that cannot write, after the write in which another process may have died was undone."""
+    """Return a read-only connection, after a write in which another process may have died was undone."""
     if not has_locks(path.parent) and (holder := current_holder(path.parent)) not in (None, own_name()):
         raise StoreError(
             f"{path.parent}: {holder} is at work on it, and its file system has no locks; read it when that has ended"
         )
     if path.with_name(f"{path.name}-journal").exists():
-        with closing(_connect(path, "rw")) as connection:  # a connection that cannot write cannot undo a write either
+        with closing(_connect(path, "rw")) as connection:  # a read-only connection cannot undo a write
             connection.execute("SELECT count(*) FROM sqlite_master")
     return _connect(path, "ro")
 

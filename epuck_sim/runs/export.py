@@ -29,7 +29,7 @@ COLUMNS = {
 
 
 def export(folder: Path, target: Path) -> int:
-    """Write a row for each trial that has a result, ordered by point and trial.
+    """Write a row for each trial that has a result, ordered by point and trial; return the number that failed.
 
     The columns are the axes, by their dotted keys, `COLUMNS`, and `measures.NAME` for each measure. A series is a list
     in Parquet and its JSON in CSV. Where trials have events, `events` holds them as JSON.

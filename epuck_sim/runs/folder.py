@@ -1,7 +1,7 @@
-"""A run folder: the names of its files, and its lock, with which one command at a time writes to it.
+"""A run folder: the names of its files, and its lock, which lets one command at a time write to it.
 
-The lock is one of the system's, which ends with its process. Where the file system has none, the file `HOLDER` is a
-lease: its process renews it while it is at work, and one that was not renewed for `LEASE_S` has ended.
+The lock is one of the system's, which ends with its process. Where the file system has no locks, the file `HOLDER` is
+a lease: its process renews it while it is at work, and a lease that was not renewed for `LEASE_S` has ended.
 """
 
 import os
@@ -23,12 +23,12 @@ except ImportError:  # on Windows, where every run folder has a lease
     fcntl = None  # type: ignore[assignment]
 
 DATABASE = "results.sqlite"  # name of the file that holds a row for each trial
-STORED = ".stored"  # name of the file that says how many trials a run has stored, until SQLite's log is in the database
+STORED = ".stored"  # name of the file with the number of stored trials, until SQLite's log is merged into the database
 LOCK = ".lock"  # name of the file that is locked; the lock ends with the process at the latest
 HOLDER = ".lock-holder"  # name of the file that names the process which holds the lock, or the lease
 WAIT_S = 0.2  # time in seconds for which a lock is tried: `current_holder` of another process may have it for a moment
 RENEW_S, LEASE_S = 10.0, 60.0  # times in seconds between two renewals of a lease, and from the last one to its end
-SETTLE_S = 0.5  # time in seconds after which the last of several processes that take a lease at once has it
+SETTLE_S = 0.5  # time in seconds after which, if several processes take a lease at once, the last one has it
 
 
 def database_of(folder: Path | str) -> Path:
@@ -40,7 +40,7 @@ def database_of(folder: Path | str) -> Path:
 
 @contextmanager
 def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
-    """Make a run folder if there is none, and hold its lock or lease in the block; yield whether it is held still."""
+    """Make a run folder if there is none, and lock or lease it in the block; yield a test whether it is still held."""
     held: list[Callable[[], bool]] = []
 
     def is_held() -> bool:
@@ -89,7 +89,7 @@ def _check_no_foreign_files(folder: Path) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple[int, Callable[[], bool]]]:
-    """Open a file, which is made if it does not exist; yield its number, and whether it has its name still."""
+    """Open a file, made if it does not exist; yield its descriptor, and a test whether it still has its name."""
     number = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     opened = os.fstat(number)
     try:
@@ -99,7 +99,7 @@ def _opened(path: Path) -> Iterator[tuple[int, Callable[[], bool]]]:
 
 
 def is_at(path: Path, opened: os.stat_result) -> bool:
-    """Return whether the file that is open, and was so when it was opened, still has this name."""
+    """Return whether an open file, which had the status `opened` then, still has this name."""
     try:
         return os.path.samestat(path.stat(), opened)
     except OSError:
@@ -145,7 +145,7 @@ def _is_leased(folder: Path) -> bool:
 
 @contextmanager
 def _lease(folder: Path) -> Iterator[Callable[[], bool]]:
-    """Hold the lease of a folder; yield whether it has not been taken over."""
+    """Hold the lease of a folder; yield a test whether it is still held, and not taken over."""
     path = folder / HOLDER
     if _is_lease_running(folder):
         raise BlockingIOError
@@ -174,13 +174,13 @@ def _lease(folder: Path) -> Iterator[Callable[[], bool]]:
 
 
 def _is_lease_running(folder: Path) -> bool:
-    """Return whether a folder's lease was renewed lately, by the clock of the file system, and its process is there."""
+    """Return whether a folder's lease was renewed recently, by the file system's clock, and its process still runs."""
     try:
         renewed = (folder / HOLDER).stat().st_mtime
     except OSError:
         return False
     match = re.fullmatch(r"process (\d+) on (.*)", _holder(folder))
-    if match and match[2] == host() and fcntl is not None:  # on Windows looking would end the process
+    if match and match[2] == host() and fcntl is not None:  # on Windows this test would end the process
         try:
             os.kill(int(match[1]), 0)
         except ProcessLookupError:
@@ -196,7 +196,7 @@ def _is_lease_running(folder: Path) -> bool:
 
 
 def take_over(folder: Path) -> str | None:
-    """End the lease of a run folder, if it has one; return its process, which gives up if it is at work still."""
+    """End the lease of a run folder, if it has one; return its process, which stops if it is still at work."""
     holder = current_holder(folder) if _is_leased(folder) else None
     if holder is not None:
         (folder / HOLDER).unlink(missing_ok=True)

@@ -1,6 +1,6 @@
-"""Reading a run folder, also while a run is at work on it; nothing in it is changed.
+"""Read a run folder, also while a run is at work on it, and change nothing in it.
 
-Its results, how far its sweep is, how its trials ended, and whether its files are whole.
+What can be read: its results, how far its sweep is, how its trials ended, and whether its files are whole.
 """
 
 import hashlib
@@ -42,16 +42,16 @@ class PointTrials(NamedTuple):
     observed: BoolArray  # (trials,) whether each trial was synchronised then; otherwise it is censored
     seeds: Sequence[int]  # (trials,) seed of each trial
     measured: tuple[Value, ...] = ()
-    """(trials,) value in each trial of the measure that was asked for; empty if none was."""
-    of: str | None = None  # name of the measure that was asked for; None if none was
+    """(trials,) value of the requested measure in each trial; empty if none was requested."""
+    of: str | None = None  # name of the requested measure; None if none was requested
     events: tuple[tuple[TrialEvent, ...], ...] = ()
     """(trials,) what changed in each trial: entries of the schedule, and faults."""
     has_t_sync: bool = True
-    """Whether trials have a T_sync: not without oscillators, or without a threshold of the order parameter."""
+    """Whether trials have a T_sync: their reference is an oscillator, and the order parameter has a threshold."""
 
     @property
     def seed(self) -> int:
-        """Seed for resampling this point: if all points were resampled alike, their errors would be the same."""
+        """Seed for resampling this point; it differs from point to point, so that their errors are independent."""
         left_out: dict[str, Any] = {**self.scenario.later_defaults(), **dict.fromkeys(WITHOUT_EFFECT, True)}
         everything = self.key + self.scenario.model_dump_json(exclude=left_out)
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
@@ -62,7 +62,7 @@ class SweepTrials(list[PointTrials]):
 
     @property
     def of(self) -> str | None:
-        """Name of the measure that was asked for; None if none was."""
+        """Name of the requested measure; None if none was requested."""
         return self[0].of if self else None
 
     def to_pandas(self) -> "pandas.DataFrame":
@@ -70,7 +70,7 @@ class SweepTrials(list[PointTrials]):
 
         Its columns are `point`, the number of the point; the axes by their dotted keys; `seed`; `cycles`, at which the
         trial ended; `censored`, None without T_sync; `t_sync_cycles`, NaN where it is censored, and without T_sync; and
-        the measure that was asked for, as `measures.NAME` if a column has its name.
+        the requested measure, as `measures.NAME` if another column has its name.
 
         Raises:
             EpuckSimError: pandas is not installed.
@@ -109,7 +109,7 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
 
     Args:
         folder: A run folder.
-        of: Name of a measure whose values are wanted, too.
+        of: Name of a measure whose values are read, too.
 
     Raises:
         StoreError: The folder is not a run folder, its database is damaged, or there is no such measure in it.
@@ -150,7 +150,7 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
 def read_ends(
     connection: sqlite3.Connection, key: str, trials: int = sys.maxsize
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return cycles, whether it is censored, and the seed of each of a point's first trials that has a result."""
+    """Return cycles, whether censored, and seeds of those of a point's first trials that have a result, (n,) each."""
     row = f"ifnull(cycles, {NULL}) || ',' || ifnull(censored, {NULL}) || ',' || seed"
     stored = f"SELECT {row} AS row FROM trials WHERE point = ? AND trial < ? AND error IS NULL ORDER BY trial"
     (text,) = connection.execute(f"SELECT group_concat(row) FROM ({stored})", (key, trials)).fetchone()
@@ -175,10 +175,10 @@ def measures_in(connection: sqlite3.Connection) -> list[str]:
 
 
 class FinishedTrials:
-    """The trials that need not be run any more, at a byte for each; iterated, numbers of points and trials."""
+    """The trials that need not be run again, in one byte each; iteration yields numbers of point and trial."""
 
     def __init__(self, trials: Iterable[tuple[int, Sequence[int] | IntArray]]) -> None:
-        """Take in points, each once, with the numbers of their trials."""
+        """Store the numbers of trials of points, each of which is given once."""
         self._marks = {point: np.bincount(numbers) > 0 for point, numbers in trials}
 
     def _of(self, point: int, wanted: range) -> BoolArray:
@@ -199,7 +199,7 @@ class FinishedTrials:
 
 
 def read_finished(connection: sqlite3.Connection, measured: bool = False) -> FinishedTrials:
-    """Return the trials that have a result, and if that is asked for a value of each measure of their point."""
+    """Return the trials that have a result; with `measured`, those with a value for each measure of their point."""
     condition = f"AND NOT {UNMEASURED}" if measured else ""
     rows = connection.execute(
         "SELECT (SELECT number FROM points WHERE key = point), group_concat(trial) FROM trials "
@@ -218,7 +218,7 @@ class Failure(NamedTuple):
 
 
 class TrialsByOrigin(NamedTuple):
-    """How many trials the same versions on the same host have made."""
+    """Number of trials made by the same versions on the same host."""
 
     epuck_sim: str
     pymunk: str
@@ -243,7 +243,7 @@ class PointAtLimit(NamedTuple):
 
 
 FEW_TRIALS = 20
-"""Number of trials, or all of a point's if it has fewer, from which on they stand for the others of their point."""
+"""Number of trials (or all of them, at smaller points) that are taken as representative of their point."""
 
 
 class Status(NamedTuple):
@@ -253,8 +253,8 @@ class Status(NamedTuple):
     points: int
     trials: int  # number of trials in the whole sweep, or in the folder's share of it
     stored: int  # number of them that have a result
-    censored: int | None  # number of trials that are censored; None if those that are stored have no T_sync
-    failed: list[Failure]  # trials that failed, and stored ones for which a measure that was added later failed
+    censored: int | None  # number of censored trials; None if the stored trials have no T_sync
+    failed: list[Failure]  # trials that failed, and stored trials that failed when run again for an added measure
     wall_s: float  # computing time of all trials together
     versions: list[TrialsByOrigin]  # numbers of trials by the versions and the host that made them
     at_work: str | None  # the process that is running the sweep
@@ -273,7 +273,7 @@ def read_status(folder: Path) -> Status:
         trials, censored, wall_s, like_first = connection.execute(
             f"SELECT count(*), sum(censored), total(wall_s), ifnull(sum({_LIKE_FIRST}), 0) FROM trials", first
         ).fetchone()
-        # mostly all are like the first: to group them takes four times as long
+        # usually all are like the first; grouping them takes four times as long
         versions = [TrialsByOrigin._make((*first, like_first))] if trials else []
         if like_first < trials:
             others = f"SELECT {_ORIGIN}, count(*) FROM trials WHERE NOT {_LIKE_FIRST} GROUP BY {_ORIGIN}"
@@ -292,7 +292,7 @@ def read_status(folder: Path) -> Status:
             f"HAVING min(censored) = 1 AND count(*) >= min(trials, {FEW_TRIALS}) ORDER BY number"
         )
         points_at_limit = tuple(PointAtLimit(number, json.loads(axes), count) for number, axes, count in at_limit or ())
-        finished = read_finished(connection)  # a share that got further points may have trials that are now of others
+        finished = read_finished(connection)  # if points were added, a share may have trials that now belong to others
     stored = sum(finished.count(number, share.trials(number, count)) for number, count in points)
     return Status(
         scenario=json.loads(scenario)["name"],
@@ -346,7 +346,7 @@ class Verdict(NamedTuple):
 
 
 def verify(folder: Path) -> list[Verdict]:
-    """Look at every file of a run folder, and return what each is; nothing in it is run or changed."""
+    """Check every file of a run folder, and return a verdict on each; nothing in it is run or changed."""
     database_of(folder)
     try:
         status = read_status(folder)

@@ -16,14 +16,14 @@ from epuck_sim.runs.sources import is_trusted, read_sources, trust, with_trials,
 from epuck_sim.util.provenance import PROVENANCE, format_versions
 
 GOLDEN_RATIO = 0x9E3779B97F4A7C15
-"""The golden ratio's fraction in 64 bits: multiples of it, cut to 64 bits, lie evenly at every step of an axis."""
+"""Fraction of the golden ratio in 64 bits: its multiples modulo 2 ** 64 are spread evenly, at any step of an axis."""
 
 VERSIONS = tuple(name for name in PROVENANCE if name != "host")
-"""Columns that must be the same in all trials that are put together."""
+"""Columns that must be the same in all trials that are merged."""
 
 
 class Share(NamedTuple):
-    """One of several shares, each of which has about as many trials of every point as any other."""
+    """One of several shares, all of which have about equally many trials of every point."""
 
     number: int  # from 1 to `of`
     of: int
@@ -39,8 +39,8 @@ class Share(NamedTuple):
     def trials(self, point: int, trials: int) -> range:
         """Return the trials of this share at a point.
 
-        They follow from the number of the point and that of the trial alone: trials that are added later leave those
-        before them where they were. Points that have fewer trials than there are shares begin at different shares.
+        A trial's share depends on the numbers of its point and trial alone: if trials are added, those before stay in
+        their shares. Points begin at different shares, which spreads points that have fewer trials than shares.
 
         >>> [list(Share(number, 3).trials(0, 5)) for number in (1, 2, 3)]
         [[0, 3], [1, 4], [2]]
@@ -62,13 +62,13 @@ def read_share(connection: sqlite3.Connection) -> Share:
 
 
 def merge_folders(folders: Sequence[Path], whole: Path) -> None:
-    """Make a run folder that has every trial of some others once; a result goes before a failure.
+    """Merge run folders into a new or empty one that has each of their trials once; a result replaces a failure.
 
-    The folder appears with all trials or not at all, and the others stay as they are. They may be unfinished, and may
-    share trials, whose results must then be the same.
+    `whole` appears with all trials or not at all, and `folders` stay as they are. They may be unfinished, and may share
+    trials, whose results must then be the same.
 
-    If some have more points or trials, so has `whole`, which is new or empty. StoreError is raised if a folder is
-    damaged, or does not belong to the others.
+    If some have more points or trials, so has `whole`. StoreError is raised if a folder is damaged, or does not belong
+    to the others.
     """
     points: dict[Path, list[StoredPoint]] = {}
     versions: dict[tuple[str, ...], Path] = {}
@@ -87,7 +87,7 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
         return len(points[folder]), measures, sum(point.trials for point in points[folder])
 
     largest = max(points, key=size)
-    most: dict[str, int] = {}  # at each point, of any folder: one may have more trials at some points, and fewer in all
+    most: dict[str, int] = {}  # at each point, of any folder: the largest folder may not have the most at each
     for point in chain.from_iterable(points.values()):
         most[point.key] = max(point.trials, most.get(point.key, 0))
     merged = [point._replace(trials=most[point.key]) for point in points[largest]]
@@ -112,7 +112,7 @@ MEASURED_OTHERWISE = """
     EXISTS (SELECT 1 FROM json_each(old.measured) AS one JOIN json_each(new.measured) AS other USING (key)
             WHERE one.value IS NOT other.value)
 """
-"""Condition on two rows of a trial: a measure has two values."""
+"""Condition on two rows of a trial: their values of a measure differ."""
 
 
 def _add(connection: sqlite3.Connection, folder: Path) -> None:

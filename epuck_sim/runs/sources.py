@@ -1,6 +1,6 @@
-"""Users' files inside a run folder, which so can be sent to somebody and run on; their digests, and trust.
+"""Users' files inside a run folder, so that somebody else can continue its run; their digests, and trust.
 
-What somebody else's folder brings is not run unasked: a user trusts code by its digest.
+Code in a folder from somebody else does not run until the user trusts it, by its digest.
 """
 
 import hashlib
@@ -32,7 +32,7 @@ SOURCES = "sources"
 DIGESTS = "SHA256SUMS"
 """Name of the file with the digests of the scenario and of users' files, as `sha256sum -c` reads it."""
 
-NO_FILES = ("name", "description", "figure")  # keys of a scenario that name no files, whatever they say
+NO_FILES = ("name", "description", "figure")  # keys of a scenario whose values are never names of files
 CODE = (".py", ".c", ".h", ".so")  # endings of files that are run, or compiled and run
 
 _PARAMETER = re.compile(r"measures\.\d+\.")  # begins the key of an axis over a parameter of a measure
@@ -45,7 +45,7 @@ def own_files(scenario: Scenario) -> tuple[str, ...]:
 
 
 NamedSources = tuple[str, Mapping[Path, bytes]]
-"""Name of what users may write, and the contents of its files; none of what is shipped."""
+"""Name of a controller, or another thing that users write, and the contents of its files; none if it is shipped."""
 
 
 def _all_sources(scenario: Scenario) -> Iterator[NamedSources]:
@@ -56,7 +56,7 @@ def _all_sources(scenario: Scenario) -> Iterator[NamedSources]:
 def named_sources(scenario: Scenario) -> Iterator[NamedSources]:
     """Yield names and sources of controllers, sensors in files, a floor's picture, a user's response curve.
 
-    Agents that start like robots have those of the robots' file, and of what that names, with it.
+    For agents that start like robots, the robots' file is one of them; its sources include those of all that it names.
     """
     for name in scenario.controllers:
         yield name, {} if name in CONTROLLER.shipped() else find_controller(name).sources
@@ -88,9 +88,9 @@ def name_with_digest(path: str, sources: Mapping[Path, bytes]) -> str:
 
 
 def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) -> dict[Path, bytes]:
-    """Write a scenario into a run folder, with the users' files that it names, by paths relative to the folder.
+    """Write a scenario and the users' files that it names into a run folder, with paths relative to the folder.
 
-    Returns the contents of these files, where they are.
+    Returns the contents of these files, by their original paths.
     """
     root, keys = folder.resolve(), scenario.model_dump(mode="json")
     needed = {path: data for each in used for _, files in _all_sources(each) for path, data in files.items()}
@@ -101,7 +101,7 @@ def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) ->
 
     _with_paths(keys, read)
     inside = {path: data for path, data in needed.items() if path.is_relative_to(root)}
-    shipped = builtin_folder(CONTROLLERS)  # which files of users may import, and everybody has
+    shipped = builtin_folder(CONTROLLERS)  # files of users may import these, which everybody has
     outside = {path: data for path, data in needed.items() if path not in inside and not path.is_relative_to(shipped)}
     places = _free_places(root, outside)
     files = {**inside, **{places[path]: data for path, data in outside.items()}}
@@ -115,13 +115,13 @@ def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) ->
     digests = "".join(f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in named.items())
     was_trusted = is_trusted(folder)
     write_files(folder, {**named, DIGESTS: digests.encode()})
-    if was_trusted:  # all code in it is now what this user has run anyway
+    if was_trusted:  # the code that was added is what this user runs anyway
         trust(folder)
     return needed
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a run folder, by their names in it, but for those that have these contents already."""
+    """Write files into a run folder, by their names in it; skip those that have these contents already."""
     for name, data in files.items():
         path = folder / name
         if not path.is_file() or path.read_bytes() != data:
@@ -131,7 +131,7 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _free_places(root: Path, files: Mapping[Path, bytes]) -> dict[Path, Path]:
-    """Return where files come to lie in a run folder: beside each other as they are, and on no other file."""
+    """Return places for files in a run folder that keep their relative paths, and replace no other file."""
     if not files:
         return {}
     common = os.path.commonpath([path.parent for path in files])
@@ -144,9 +144,9 @@ def _free_places(root: Path, files: Mapping[Path, bytes]) -> dict[Path, Path]:
 
 
 def _with_paths(keys: Mapping[str, Any], change: Callable[[Path], Path]) -> dict[str, Any]:
-    """Return a scenario's keys in which the path of each file has been changed.
+    """Return a scenario's keys with the path of each file changed.
 
-    What parameters of measures name stays as it is: their code opens it, wherever it is.
+    Paths in parameters of measures stay as they are: the measure's own code opens these files.
     """
     measures = [{_map_paths(name, change): given for name, given in each.items()} for each in keys["measures"]]
     named = {key: _map_paths(value, change) for key, value in keys.items() if key not in (*NO_FILES, "measures")}
@@ -154,7 +154,7 @@ def _with_paths(keys: Mapping[str, Any], change: Callable[[Path], Path]) -> dict
 
 
 def _map_paths(value: Any, change: Callable[[Path], Path]) -> Any:
-    """Return a value in which the path of each file has been changed; FILE.py:NAME is one, too."""
+    """Return a value with the path of each file changed, also in FILE.py:NAME."""
     if isinstance(value, dict):
         pairs = {key: each if _PARAMETER.match(key) else _map_paths(each, change) for key, each in value.items()}
         return {_map_paths(key, change): each for key, each in pairs.items()}
@@ -181,7 +181,7 @@ def read_sources(folder: Path) -> dict[str, bytes]:
 
 
 def with_trials(sources: Mapping[str, bytes], trials: int) -> dict[str, bytes]:
-    """Return a run folder's files, with so many trials in the scenario if it has fewer."""
+    """Return a run folder's files, with the scenario's number of trials raised to `trials` if it is lower."""
     before = sources.get(RUN_SCENARIO, b"")
     keys = parse_yaml(before.decode("utf-8", "replace"), RUN_SCENARIO)
     if not isinstance(keys, dict) or keys.get("trials", trials) >= trials:
@@ -217,7 +217,7 @@ def _trusted_file() -> Path:
 
 
 def run_folder_of(scenario: str | Path) -> Path | None:
-    """Return the run folder that is given as a scenario, or by its scenario's file; None if none is."""
+    """Return the run folder that is given as a scenario, or by its scenario's file; None if it is neither."""
     if str(scenario) in SCENARIO.shipped():
         return None
     path = Path(scenario)
@@ -237,7 +237,7 @@ def _digest(code: dict[str, bytes]) -> str:
 
 
 def is_trusted(folder: Path) -> bool:
-    """Return whether a run folder has no code, or this user has put it there by a run, or has trusted it."""
+    """Return whether a run folder has no code, or code that this user has put there by a run, or has trusted."""
     code = code_in(folder)
     if not code or (digest := _digest(code)) in _trusted:
         return True
@@ -248,7 +248,7 @@ def is_trusted(folder: Path) -> bool:
 
 
 def trust(folder: Path) -> None:
-    """Trust the code that lies in a run folder now; where that cannot be kept, for this process alone."""
+    """Trust the code that is in a run folder now; if that cannot be stored, for this process alone."""
     if is_trusted(folder):
         return
     digest = _digest(code_in(folder))

@@ -1,7 +1,7 @@
-"""Writing to a run folder: the results of a sweep, one row for each trial, on disk as soon as it is known.
+"""Write the results of a sweep to a run folder: one row for each trial, on disk as soon as it is known.
 
-A folder belongs to one sweep. Points and trials can be added, and a run that was stopped goes on in it; it never holds
-results of two scenarios.
+A folder belongs to one sweep. Points and trials can be added, and a run that was stopped can be continued; a folder
+never holds results of two scenarios.
 """
 
 import json
@@ -63,7 +63,7 @@ class Store:
     """A run folder that this process has locked; to be used in a `with` block."""
 
     def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point], share: Share | None = None) -> None:
-        """Lock the folder, which is made if it does not exist, and enter the points that are new."""
+        """Lock the folder, which is made if it does not exist, and add the points that are new."""
         self._path = folder / DATABASE
         self._points = points
         self._axes = [tuple(as_stored(as_column(value)) for value in point.axes.values()) for point in points]
@@ -72,7 +72,7 @@ class Store:
             check_database(self._path)
         with ExitStack() as stack:
             is_held = stack.enter_context(acquire(folder))
-            sync_folder(folder.parent)  # which may have got the folder just now
+            sync_folder(folder.parent)  # in which the folder may be new
             is_new = not self._path.exists()
             if not is_new:
                 with reading(folder) as connection:
@@ -90,7 +90,7 @@ class Store:
             if is_new:
                 with new_database(self._path, list(points[0].axes), rows):
                     pass
-            # before the points: the folder's own scenario must have all that the database has
+            # before the points: the folder's own scenario must cover all that the database has
             different = {
                 (row.controllers, row.measures): point.scenario for row, point in zip(rows, points, strict=True)
             }
@@ -143,7 +143,7 @@ class Store:
         return cycles.astype(float), censored == 0
 
     def plan(self, trials: Mapping[str, int]) -> None:
-        """Enter how many trials points are for, by their keys, but no fewer than are stored of them."""
+        """Store the planned number of trials of points, by their keys, but no less than covers their stored trials."""
         count = "max(?, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key))"
         rows = [(number, key) for key, number in trials.items()]
         with sqlite_errors(self._path), self._connection:
@@ -151,7 +151,7 @@ class Store:
             sign(self._connection, "points", [(key,) for key in trials])
 
     def add(self, outcomes: Sequence[Outcome]) -> list[bool]:
-        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured."""
+        """Store trials on the disk, all or none; replace earlier failures, and only add measures to earlier results."""
         places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
         self._new = 0
         self._check_ours()
@@ -199,7 +199,7 @@ class Store:
         return error is None
 
     def _enter(self, outcomes: Sequence[Outcome], places: Sequence[tuple[str, int]]) -> None:
-        """Store trials of which no result is stored."""
+        """Store trials that have no stored result."""
         rows = [
             self._with_sum((*place, *self._columns(outcome))) for outcome, place in zip(outcomes, places, strict=True)
         ]
@@ -226,7 +226,7 @@ class Store:
 
 
 def difference(stored: Mapping[str, Any], result: TrialResult) -> str | None:
-    """Return in what the repetition of a trial differs from what is stored of it, by columns; None if it does not."""
+    """Return a message on how a repeated trial differs from its stored columns, by name; None if it does not."""
     pairs = [(name, stored[name], getattr(result, name)) for name in REPEATED]
     pairs.append(("events", stored["events"], _events(result)))
     pairs += [(name, value, result.measures[name]) for name, value in json.loads(stored["measured"] or "{}").items()]
