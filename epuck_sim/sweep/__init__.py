@@ -1,1 +1,1 @@
-"""Thousands of trials into a run folder, on all cores or on a cluster."""
+"""Run thousands of trials into a run folder, on all cores or on a cluster."""

@@ -25,22 +25,22 @@ COUNT_S = 1.0  # shortest time in seconds between two counts of a cluster's work
 
 
 class SchedulerGoneError(Exception):
-    """Tells that the scheduler no longer answers."""
+    """Raised when the scheduler no longer answers."""
 
 
 class DaskCluster:
     """The workers of a Dask scheduler."""
 
     def __init__(self, address: str) -> None:
-        """Take an address, such as tcp://127.0.0.1:8786."""
+        """Use the scheduler at an address, such as tcp://127.0.0.1:8786."""
         self._address = address
         self._has_answered = False
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Yield the pool of the workers, whichever there are.
+        """Yield a pool of all workers that the cluster has at the time.
 
-        A scheduler that has answered before, and is gone, is waited for.
+        If the scheduler has answered before, and is gone, wait for it.
         """
         try:
             from distributed import KilledWorker  # noqa: PLC0415 an extra, and slow to import
@@ -92,7 +92,7 @@ def _connect(address: str) -> "Client":
 
 
 def _slots(client: "Client", address: str) -> Callable[[], int]:
-    """Return the policy for the number of chunks in flight, which says so where a cluster has no workers."""
+    """Return a function for the number of chunks in progress, which prints a message when there are no workers."""
     counted_at, threads = -COUNT_S, 1
 
     def slots() -> int:
@@ -119,7 +119,7 @@ class SameVersionsExecutor(Executor):
     """Hands work to workers that refuse it if they are not like this process."""
 
     def __init__(self, executor: Executor) -> None:
-        """Take the executor that reaches the workers."""
+        """Wrap the executor that reaches the workers."""
         self._executor = executor
         self._files: OwnFiles = {}
 
@@ -140,7 +140,7 @@ class SameVersionsExecutor(Executor):
 def call_if_same(
     theirs: dict[str, str], files: OwnFiles, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]
 ) -> Any:
-    """Call a function with tasks, on a worker; raise ClusterError if it is not like the command."""
+    """Call a function with tasks, on a worker; raise ClusterError if its versions or files are not the command's."""
     other = {name: value for name, value in versions().items() if value != theirs.get(name)}
     if other:
         wanted = {name: theirs.get(name, "none") for name in other}

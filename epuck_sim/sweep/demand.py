@@ -15,7 +15,7 @@ from epuck_sim.trial.result import TrialState
 from epuck_sim.util.machine import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
 from epuck_sim.util.messages import counted
 
-ENOUGH_TIMED = 20  # trials that are timed, if there is time, of all points together
+ENOUGH_TIMED = 20  # number of trials to time, over all points, if time allows
 
 TRIAL_BYTES = 145
 """Size of a trial in a run folder, without measures; as measured with 10,000 to 1,000,000 trials (docs/speed.md)."""
@@ -69,8 +69,8 @@ class TimedTrial(NamedTuple):
 def time_trials(points: Sequence[Point], budget_s: float) -> list[TimedTrial]:
     """Time a trial of each point, and more until there are `ENOUGH_TIMED`, for as long as there is time.
 
-    Points come in random order, so that the mean is that of all. Compilation is not counted, nor is what makes a
-    simulation, as workers keep theirs. The last trial may be cut.
+    Points come in random order, so that the mean stands for all. Compilation and the making of simulations are not
+    counted, as workers keep their simulations. The last trial may be cut.
     """
     order = random.Random(0).sample(range(len(points)), len(points))
     _time_trial(points[order[0]], 0, 0)

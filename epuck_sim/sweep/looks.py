@@ -24,9 +24,9 @@ class Look(NamedTuple):
     mean: Estimate
     """Mean of their T_sync, restricted where trials are censored, with an interval that holds at every look."""
     contrast: Estimate | None
-    """Ratio, or difference, of the mean to that of the first point of its group; None of this, and without contrast."""
+    """Ratio, or difference, of the mean to that of its group's first point; None for that point or without contrast."""
     width: float
-    """Width of the interval relative to what is asked, of the first point of a group the largest; inf without one."""
+    """Width of the interval over the width asked for; a group's first point has the largest. Inf without interval."""
 
     @property
     def is_narrow(self) -> bool:
@@ -35,17 +35,17 @@ class Look(NamedTuple):
 
 
 class Looks:
-    """The last look at each point of a sweep that `run_sweep` is given, which asks it where trials are missing.
+    """The last look at each point of a sweep; `run_sweep` asks it at which points trials are missing.
 
-    A point is looked at when its first 20, 30, 45 ... trials have ended, and what is decided of it depends on these
-    alone: not on workers, on the order in which trials end, or on what else is stored. With a contrast, so are the
-    points of a group, which differ in its key alone.
+    A point is looked at when its first 20, 30, 45 ... trials have ended, and the decision depends on these trials
+    alone: not on workers, on the order in which trials end, or on what else is stored. With a contrast, all points of a
+    group, which differ only in the contrast's key, are looked at together.
     """
 
     def __init__(self, until: str, contrast: str | None = None) -> None:
-        """Take what is asked, as 10% of the estimate, or 3 cycles; half of an interval's width is to be at most that.
+        """Set the largest half-width of intervals: `10%` of the estimate, or `3` cycles.
 
-        With `contrast`, an axis or an ending of its key, ratios, or differences, to its first value are asked.
+        With `contrast`, an axis or an ending of its key, they are those of ratios, or differences, to its first value.
         """
         self._precision, self._key = Precision.parse(until), contrast
         self.narrow = 0
@@ -86,7 +86,7 @@ class Looks:
         return [sorted(group, key=lambda point: point.axes[key] != points[0].axes[key]) for group in groups]
 
     def begin(self, store: Store, points: Sequence[Point], finished: FinishedTrials) -> list[int]:
-        """Look at what is stored, and return the number of trials that each point is for so far."""
+        """Look at the stored trials, and return the number of trials that each point needs so far."""
         self._store, self._points, self._finished = store, points, finished
         self.narrow = 0
         groups = self._members = self._groups(points)
@@ -100,7 +100,7 @@ class Looks:
         return self._trials
 
     def end_trial(self, number: int) -> Sequence[tuple[int, int]]:
-        """Take note that a trial of a point has ended, and return point and number of each trial to be added now."""
+        """Record that a trial of a point has ended, and return point and number of each trial to add now."""
         group = self._group[number]
         self._left[group] -= 1
         if self._left[group]:
@@ -153,7 +153,7 @@ class Looks:
         return Measured(times, observed, float(point.scenario.stop.max_cycles), 0, unit="cycles")
 
     def width(self, number: int) -> float:
-        """Return the width of a point's interval relative to what is asked; inf as long as there is none."""
+        """Return the width of a point's interval over the width asked for; inf as long as there is none."""
         return self._last[number].width
 
     def table(self) -> Table:

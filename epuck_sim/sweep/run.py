@@ -1,4 +1,4 @@
-"""A sweep from its scenario to its run folder: the trials that are missing are run, and stored as they end."""
+"""Run a sweep from its scenario into its run folder: missing trials are run, and stored as they end."""
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,7 +32,7 @@ class SweepProgress(NamedTuple):
     failed: int  # number of trials that failed in this run, as trials or for a measure that was added
     ended: int  # number of trials that ended in this run, with a result or with an error
     last: Outcome | None = None  # the last of these
-    narrow: int | None = None  # number of points whose intervals are narrow enough; None if that was not asked for
+    narrow: int | None = None  # number of points whose intervals are narrow enough; None without `until`
 
 
 def run_sweep(
@@ -55,14 +55,14 @@ def run_sweep(
         observer: Called with the progress before the first trial and after each.
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
-        until: Decides by looks at the points where trials are added; `trials` of the scenario is the most at a point.
+        until: Decides at which points trials are added; `trials` of the scenario is the most at a point.
         begin: Called with all points once they are checked, before the folder is opened.
 
     Returns:
         How far the sweep is at the end.
 
     Raises:
-        EpuckSimError: A point cannot be run, or not until an interval is narrow enough.
+        EpuckSimError: A point cannot be run, or `until` does not suit the sweep.
         StoreError: The folder cannot be used.
         ClusterError: There are no workers; the trials stored so far stay.
     """
@@ -71,7 +71,7 @@ def run_sweep(
         check_interpretable(loaded)
     all_points = points(loaded)
     check_sweep(all_points)
-    step_limit_s()  # which workers cannot refuse as well
+    step_limit_s()  # raises for a wrong limit here, as workers could not report it as well
     if until is not None:
         until.check(all_points)
         if share not in (None, WHOLE):
@@ -132,7 +132,7 @@ def missing_tasks(
 def first_of_each_kind(
     points: Sequence[Point], wanted: Sequence[range], finished: FinishedTrials, interpret: bool
 ) -> list[Task]:
-    """Return a missing one of the trials wanted for each kind of scenario that is compiled by itself."""
+    """Return the first missing trial, of those wanted, for each kind of scenario that is compiled separately."""
     kinds: dict[tuple[str, ...], Task] = {}
     for point, trials in zip(points, wanted, strict=True):
         if point.scenario.compiled in kinds:

@@ -1,7 +1,7 @@
-"""Workers, and how they are handed trials in chunks and give the outcomes, whatever becomes of one of them.
+"""Hand trials to workers in chunks, and collect the outcomes, even if workers die.
 
-A pool of workers has an executor of concurrent.futures; here it is of processes of this machine. A chunk is half a
-second of work, less towards the end, so that no worker is left alone with the last ones.
+A pool of workers has an executor of concurrent.futures; that of `local_pool` has processes on this machine. A chunk is
+half a second of work, and less towards the end, so that no worker is left alone with the last trials.
 """
 
 import math
@@ -35,10 +35,10 @@ PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.tr
 
 
 class Pool(NamedTuple):
-    """An executor, and what the scheduler needs to know of it."""
+    """An executor, and what the scheduler needs to know about it."""
 
     executor: Executor
-    slots: Callable[[], int]  # returns the number of chunks to have under way
+    slots: Callable[[], int]  # returns the number of chunks to have in progress
     deaths: tuple[type[Exception], ...]  # errors that a future raises if its worker has died
     losses: tuple[type[Exception], ...] = ()
     """Errors that a future, or `slots`, raises if all workers are gone at once, which no trial can have caused."""
@@ -51,7 +51,7 @@ OpenPool = Callable[[], AbstractContextManager[Pool]]
 def local_pool(workers: int | None = None) -> Iterator[Pool]:
     """Yield a pool of processes, each with one thread, which end with the block, or with this process.
 
-    If the block ends with an error, the work under way is thrown away.
+    If the block ends with an error, work in progress is discarded.
     """
     workers = workers or available_cores()
     needed = 24 + 2 * workers  # of this process, and of the server
@@ -103,7 +103,7 @@ def available_cores() -> int:
 
 
 def _end_with_parent() -> None:
-    """Let this worker end when its parent does, even if that was killed."""
+    """End this worker when its parent ends, even if that was killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None  # this runs in a child
 
@@ -131,13 +131,13 @@ def _environment(settings: dict[str, str]) -> Iterator[None]:
 Result = TypeVar("Result")
 
 CHUNK_S = 0.5
-"""Work in a chunk, in seconds: long compared with the milliseconds that handing it over costs, short in a run."""
+"""Work in a chunk, in seconds: long compared with the milliseconds of handing it over, short compared with a run."""
 
-LOOK_S = 3.0  # time in seconds without an ended chunk after which it is checked that there are workers at all
+LOOK_S = 3.0  # time in seconds without an ended chunk after which the scheduler checks for workers
 
 
 class TaskQueue:
-    """Trials that wait to be run, which are made one by one as they are taken: memory does not grow with them."""
+    """Queue of trials to run; tasks are made one by one as they are taken, so that they need no memory before."""
 
     def __init__(self, tasks: Iterable[Task], count: int) -> None:
         """Make a queue of `count` tasks."""
@@ -145,7 +145,7 @@ class TaskQueue:
         self._entries = 0
         self._returned: deque[Task] = deque()
         self._count = count
-        self._lost_once: set[tuple[int, int]] = set()  # point and trial of tasks that were under way at a death
+        self._lost_once: set[tuple[int, int]] = set()  # point and trial of tasks that were in progress at a death
 
     def __len__(self) -> int:
         return self._count
@@ -163,13 +163,13 @@ class TaskQueue:
         return chunk
 
     def add(self, tasks: Sequence[Task], urgency: float) -> None:
-        """Take further tasks, which come after those of the beginning, the most urgent first."""
+        """Add further tasks, which come after the initial ones, the most urgent first."""
         self._entries += 1
         heappush(self._waiting, (-urgency, self._entries, iter(tasks)))
         self._count += len(tasks)
 
     def give_back(self, tasks: Sequence[Task]) -> list[Task]:
-        """Take tasks back that were lost with a worker, but return those that are lost for the second time."""
+        """Queue tasks again that were lost with a worker; return those that are lost for the second time instead."""
         again = [task for task in tasks if task[:2] in self._lost_once]
         once = [task for task in tasks if task[:2] not in self._lost_once]
         self._lost_once.update(task[:2] for task in once)
@@ -179,14 +179,14 @@ class TaskQueue:
 
 
 class ChunkSizer:
-    """Number of trials in a chunk, from the time that earlier trials have taken."""
+    """Chooses the number of trials in a chunk from the time that earlier trials have taken."""
 
     def __init__(self) -> None:
         self._trials = 0
         self._wall_s = 0.0
 
     def note(self, outcomes: Iterable[Outcome]) -> None:
-        """Take note of trials that have ended."""
+        """Record trials that have ended."""
         for outcome in outcomes:
             if outcome.result:  # it is not known how long others took
                 self._trials += 1
@@ -201,11 +201,11 @@ class ChunkSizer:
 
 
 def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[list[Outcome]]:
-    """Yield the outcomes of all tasks as they are known, those of chunks that ended meanwhile together.
+    """Yield the outcomes of all tasks as they become known, those of chunks that ended meanwhile together.
 
-    When a worker dies, nobody knows at which trial. Tasks that were under way are handed over again, each by itself;
-    those that are under way at a second death are run one at a time, and one that kills its worker even then has
-    failed. A broken pool is opened anew. If all workers are lost at once, all that was under way is run again.
+    When a worker dies, it is not known at which trial. Tasks in progress are handed over again, each in its own chunk;
+    those in progress at a second death are run one at a time, and a task that kills its worker even then has failed. A
+    broken pool is opened again. If all workers are lost at once, all tasks in progress are run again.
     """
     sizer = ChunkSizer()
     while queue:
@@ -246,7 +246,7 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
             try:
                 together = [ended.get(timeout=LOOK_S)]
             except Empty:
-                pool.slots()  # tells if all workers are lost
+                pool.slots()  # raises if all workers are lost
                 continue
             while not ended.empty():  # they ended while others were stored
                 together.append(ended.get())
@@ -306,7 +306,7 @@ def _result(future: Future[Result], pool: Pool) -> Result:
             except TimeoutError:
                 if future.done():
                     raise
-                pool.slots()  # tells if there are no workers, or all are lost
+                pool.slots()  # reports if there are no workers, raises if all are lost
     except ClusterError:
         raise
     except pool.deaths + pool.losses:

@@ -1,10 +1,10 @@
-"""The work of a worker process: trials, one after the other, each to its result or to the message of its error.
+"""Run trials in a worker process, one after the other, each to its result or an error message.
 
 It imports only what a simulation needs: no plots, no tables, no command line.
 
-Compiled code cannot be interrupted. A thread looks, now and then, whether the trial goes on, and ends the worker if it
-does not, so that an endless loop costs a sweep that trial alone. The time that counts is processor time of the thread
-that simulates, so that a machine which sleeps or is busy ends nothing; that of `trial_timeout_s` is wall time.
+Compiled code cannot be interrupted. A thread checks now and then whether the trial makes progress, and ends the worker
+if it does not, so that an endless loop costs a sweep only that trial. It counts processor time of the simulating
+thread, so that no trial is ended because the machine sleeps or is busy; `trial_timeout_s` is wall time.
 """
 
 import math
@@ -31,9 +31,9 @@ from epuck_sim.util.seeds import point_seed
 LIMIT_VARIABLE = "EPUCK_SIM_STEP_LIMIT_S"  # environment variable that replaces `STEP_LIMIT_S`
 
 STEP_LIMIT_S = 60.0
-"""Processor time in seconds in which a controller must return from a step: a million times what one takes.
+"""Processor time in seconds in which a controller must return from a step: a million times what a step takes.
 
-So must measures and response curves.
+Measures and response curves have the same limit.
 """
 
 SET_UP_FACTOR = 10  # limit for setting up a trial, which may compile and runs `start`, relative to that of a step
@@ -42,17 +42,17 @@ EXIT_CODE = 70  # exit code of a worker that was ended
 OVERTIME_S = 1.0
 """Wall time in seconds beyond `trial_timeout_s` after which a trial that does not end itself is ended by its worker."""
 
-SETTING_UP = (-1, -1, "controller")  # what is `AtWork` on a trial that is set up
+SETTING_UP = (-1, -1, "controller")  # value of `AtWork` while a trial is set up
 
 AtWork = Callable[[], tuple[int, int, str] | None]
-"""Returns the robot whose controller or sensor is running, or -1, the step, and which runs; None if nobody knows."""
+"""Returns the robot whose code is running, or -1; the step; and which code, such as `controller`. None if unknown."""
 
 KEPT, KEPT_BYTES = 200, 2**28
-"""Most simulations that a worker keeps, and the memory that they may take: points of a sweep take turns."""
+"""Largest number of simulations that a worker keeps, and of their bytes: the points of a sweep take turns."""
 
-Key = tuple[object, ...]  # all on which a simulation depends but the seed
+Key = tuple[object, ...]  # all that a simulation depends on, except the seed
 
-_kept: dict[Key, Simulated] = {}  # simulations whose trials have ended, the last used one last
+_kept: dict[Key, Simulated] = {}  # simulations whose trials have ended, the most recently used one last
 
 
 class Task(NamedTuple):
@@ -70,14 +70,14 @@ class Task(NamedTuple):
         return point_seed(self.scenario.seed, self.key, self.trial)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the scenario, which takes longer than all else that is done for a task, once a point."""
+        """Pickle the scenario once a point, as this takes longer than all other work for a task."""
         return _unpacked_task, (*self[:3], _packed(self.scenario), self.interpret)
 
 
-MOST_PACKED = 1000  # most scenarios of which the bytes are kept
+MOST_PACKED = 1000  # most scenarios whose bytes are kept
 
 _pickled: dict[int, tuple[Scenario, bytes]] = {}
-"""Scenarios by their `id`, which is theirs as long as they are kept, and their bytes."""
+"""Scenarios and their bytes, by the scenario's `id`, which no other object has as long as it is kept here."""
 
 
 def _packed(scenario: Scenario) -> bytes:
@@ -103,7 +103,7 @@ class TrialTimeoutError(EpuckSimError):
 
 
 def compile_ahead(tasks: Sequence[Task]) -> None:
-    """Set up the trials without a step, so that other workers find compiled code in the cache."""
+    """Set up trials without running them, so that other workers find compiled code in the cache."""
     with Watchdog() as dog:
         for task in tasks:
             with suppress(BaseException):  # running the trial will show it
@@ -137,19 +137,19 @@ def _run_task(task: Task, keys: dict[tuple[int, bool], Key], dog: "Watchdog") ->
 
 
 def _begin(task: Task, keys: dict[tuple[int, bool], Key]) -> tuple[Any, Key | None]:
-    """Return the simulation of a trial, an earlier one of its point that is started anew or a new one, and its key.
+    """Return the simulation of a trial, new or that of an earlier trial of its point after a reset, and its key.
 
-    The key is that under which it may be kept, None if it may not; `keys` are those of the chunk's points.
+    The simulation may be kept under the key, or must not be kept if that is None; `keys` caches those of a chunk.
     """
     scenario, own = task.scenario, (id(task.scenario), task.interpret)  # tasks of a point share its scenario
     if own not in keys:
         keys[own] = type(scenario), scenario.model_dump_json(), own_files(scenario), task.interpret
-    simulation: Any = _kept.pop(keys[own], None)  # as the trial may fail
+    simulation: Any = _kept.pop(keys[own], None)  # not kept if the trial fails
     if simulation is not None:
         simulation.reset(task.seed)
         return simulation, keys[own]
     simulation = simulate(scenario, task.seed, interpret=task.interpret)
-    # another model's may start once, and agents that start like robots differ by seeds
+    # other models may have no reset, and agents that start like robots have another scenario for each seed
     return simulation, keys[own] if hasattr(simulation, "reset") and simulation.scenario == scenario else None
 
 
@@ -160,7 +160,7 @@ def _at_work(simulation: Any) -> AtWork:
 
 
 def step_limit_s() -> float:
-    """Return `STEP_LIMIT_S`, or what the environment gives instead."""
+    """Return `STEP_LIMIT_S`, or the value that the environment variable gives instead."""
     given = os.environ.get(LIMIT_VARIABLE, STEP_LIMIT_S)
     with suppress(ValueError):
         if 0.1 <= float(given) <= 1e9:
@@ -169,7 +169,7 @@ def step_limit_s() -> float:
 
 
 def never_returned(robot: int, step: int, code: str, limit_s: float) -> str:
-    """Return the message about user's code that is `AtWork` for longer than a limit."""
+    """Return the message about a user's code that has been `AtWork` for longer than a limit."""
     where = f"robot {robot}, step {step}" if robot >= 0 else f"step {step}" if step >= 0 else "at the start"
     return f"{where}: {f'its {code}' if code else 'a measure or response curve'} has not returned for {limit_s:g} s"
 
@@ -186,14 +186,14 @@ def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> O
 
 @lru_cache
 def _provenance() -> dict[str, str]:
-    """Return one object for all outcomes, which is pickled once a chunk."""
+    """Return versions and host, as one object for all outcomes, so that it is pickled once a chunk."""
     return {**versions(), "host": host()}
 
 
 class Watchdog:
-    """Watches the trials that this thread simulates in its block, each of which may take a wall time.
+    """Watches the trials that this thread simulates in its block, and limits the wall time of each.
 
-    It watches the setting up of each trial until it is told how to watch its steps.
+    It watches the set-up of each trial until `watch_steps` is called.
     """
 
     def __init__(self, timeout_s: float | None = None) -> None:
@@ -201,7 +201,7 @@ class Watchdog:
         self._trials = 0
         self._limit_s = step_limit_s()
         self._timeout_s = math.inf if timeout_s is None else timeout_s
-        self._began_s = math.inf  # of the trial's steps
+        self._began_s = math.inf  # when the trial's steps began
         self._at_work: AtWork = lambda: None
         self._cpu_s = _thread_clock()
         self._over = threading.Event()
@@ -216,7 +216,7 @@ class Watchdog:
         self._thread.join()
 
     def begin(self, name: str) -> None:
-        """Watch the setting up of another trial from now on; name: that of the trial, for the message."""
+        """Watch the set-up of another trial from now on; messages give its `name`."""
         self._name, self._at_work, self._began_s = name, lambda: SETTING_UP, math.inf
         self._trials += 1
 
@@ -225,12 +225,12 @@ class Watchdog:
         self._at_work, self._began_s = at_work, time.monotonic()
 
     def check_time(self, _: object = None) -> None:
-        """Raise TrialTimeoutError if the trial has taken too long; it is the progress that `run_trial` tells."""
+        """Raise TrialTimeoutError if the trial has taken too long; `run_trial` calls this as its `progress`."""
         if time.monotonic() - self._began_s > self._timeout_s:
             raise TrialTimeoutError(out_of_time(self._timeout_s))
 
     def _run(self) -> None:
-        """End this process if a trial does not go on for longer than the limit, or does not end when its time is up."""
+        """End this process if a trial makes no progress for longer than the limit, or does not end in its time."""
         last: tuple[int, tuple[int, int, str] | None] = (0, None)
         since_s = self._cpu_s()
         while not self._over.wait(min(self._limit_s, self._timeout_s) / 20):
