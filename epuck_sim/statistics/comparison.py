@@ -1,12 +1,11 @@
-"""Comparing T_sync, or a measure, of run folders, values of an axis, or named points: pair by pair, and over all.
+"""Compare T_sync, or a measure, of run folders, values of an axis, or named points: pair by pair, and over all.
 
-Where all that is censored is censored at one horizon, means restricted to it are those of samples that are known in
-full, and trials are permuted between the samples. Where trials are censored sooner, the test is that of log-ranks
-(Mantel 1966).
+If trials are censored only at a common horizon, samples cut there are known in full, and the test permutes trials
+between them. If trials are censored sooner, the test is the log-rank test (Mantel 1966).
 
-What is permuted is studentised: the difference of the means, or of their logarithms, over its own standard error
-(Janssen 1997). So the level of the test is exact where the two have one distribution, also with 5 trials and far in the
-tail, where Welch's test is several times too liberal; with many trials it also holds where only the means are alike.
+The permuted statistic is studentised: the difference of the means, or of their logarithms, over its own standard error
+(Janssen 1997). So the level of the test is exact if the two have one distribution, also with 5 trials and far in the
+tail, where Welch's test is several times too liberal; with many trials it also holds if only the means are equal.
 """
 
 import math
@@ -56,12 +55,12 @@ class Pair(NamedTuple):
 
     @property
     def is_positive(self) -> bool:
-        """Whether all values are, so that the means have a ratio."""
+        """Whether all values are positive, so that the means have a ratio."""
         return all(bool((each.values > 0).all()) for each in self)
 
     @property
     def is_comparable(self) -> bool:
-        """Whether there are trials enough, some of which are uncensored."""
+        """Whether both have enough trials, and some trials are uncensored."""
         enough = min(len(each.values) for each in self) >= MIN_TRIALS
         return enough and any(each.observed.any() for each in self)
 
@@ -77,17 +76,17 @@ Parts = list[tuple[float, int]]  # variance of each term of a sum, and its degre
 class Contrast(NamedTuple):
     """The difference of the means of two samples, the second minus the first, or of their logarithms."""
 
-    estimate: Estimate  # without an interval where one sample has few trials, or is without an error
+    estimate: Estimate  # without an interval if a sample has too few trials, or no error
     parts: Parts
 
 
 def pair_up(first: Measured, second: Measured) -> Pair:
-    """Return two samples, cut at the lower of their horizons where trials of either are censored."""
+    """Return two samples, cut at the lower of their horizons if trials of either are censored."""
     return Pair(*restrict((first, second)))
 
 
 def contrast(pair: Pair, *, of_logarithms: bool) -> Contrast:
-    """Return how the means of two samples differ, with Welch's interval."""
+    """Return the difference of the means of two samples, or of their logarithms, with Welch's interval."""
     first, second = means = [mean_and_error(each) for each in pair]
     is_known = pair.is_comparable and min(first.error, second.error) > 0  # trials that are all censored show no error
     if of_logarithms:
@@ -98,7 +97,7 @@ def contrast(pair: Pair, *, of_logarithms: bool) -> Contrast:
 
 
 def mean_contrast(contrasts: Sequence[Contrast]) -> Estimate:
-    """Return the mean of the contrasts that have intervals, each of which counts alike."""
+    """Return the unweighted mean of the contrasts that have intervals."""
     known = [each for each in contrasts if each.estimate.has_interval]
     if not known:
         return UNDETERMINED
@@ -108,7 +107,7 @@ def mean_contrast(contrasts: Sequence[Contrast]) -> Estimate:
 
 
 def mean_share_difference(differences: Sequence[Estimate]) -> Estimate:
-    """Return the mean of the differences of shares that have intervals, which it joins as Zou and Donner (2008) do."""
+    """Return the mean of the differences that have intervals, which are combined as by Zou and Donner (2008)."""
     known = [each for each in differences if each.has_interval]
     if not known:
         return UNDETERMINED
@@ -119,7 +118,7 @@ def mean_share_difference(differences: Sequence[Estimate]) -> Estimate:
 
 
 def welch(parts: Parts) -> tuple[float, float]:
-    """Return the standard error of a sum of terms, given with their freedom, and its own freedom (Welch 1947)."""
+    """Return the standard error of a sum of terms, and its degrees of freedom (Welch 1947)."""
     variance = sum(part for part, _ in parts)
     spread = sum(part**2 / max(freedom, 1) for part, freedom in parts)
     return math.sqrt(variance), variance**2 / spread if spread else math.inf
@@ -134,7 +133,7 @@ def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTAT
 
     Neither is censored before the horizon. Equal seeds give the same `count` permutations.
     """
-    # in order, so that the order in which trials are stored does not matter
+    # sorted, so that the order in which trials are stored does not matter
     pooled = np.concatenate([np.sort(each.values) for each in pair])
     first = len(pair.first.values)
     blocks = [_contrasts(block, first, of_logarithms) for block in _permutations(pooled, seed, count)]
@@ -152,7 +151,7 @@ def _permutations(pooled: FloatArray, seed: int, count: int) -> Iterator[FloatAr
 
 
 def _contrasts(trials: FloatArray, first: int, of_logarithms: bool) -> tuple[FloatArray, FloatArray]:
-    """Return the difference and its variance, (b,) each, of rows of trials, (b, n), of which so many are the first."""
+    """Return differences and variances, (b,), of rows of trials, (b, n); the `first` leading ones are one sample."""
     parts = trials[:, :first], trials[:, first:]
     means = [part.mean(axis=1) for part in parts]
     variances = [part.var(axis=1, ddof=1) / part.shape[1] for part in parts]
@@ -167,7 +166,7 @@ def studentised(permuted: Sequence[Permuted]) -> FloatArray:
     differences, variances = (np.sum(each, axis=0) for each in zip(*permuted, strict=True))
     scale = float(np.abs(differences).max()) or 1.0
     differences = np.where(np.abs(differences) < 1e-12 * scale, 0.0, differences)  # rounded sums of equal trials
-    # without spread any difference is beyond chance, and none is none
+    # without spread, any difference but 0 is beyond chance
     return np.asarray(differences / np.sqrt(np.maximum(variances, (1e-9 * scale) ** 2)))
 
 
@@ -178,7 +177,7 @@ def share_as_large(statistics: FloatArray) -> float:
 
 
 def log_rank_parts(pair: Pair) -> tuple[float, float]:
-    """Return by how much the events of the first sample exceed those expected of it, and the variance of that."""
+    """Return the number of events of the first sample minus that expected, and the variance of this excess."""
     times = np.unique(np.concatenate([each.values[each.observed] for each in pair]))
     at_risk = [len(each.values) - np.searchsorted(np.sort(each.values), times) for each in pair]
     events = [
@@ -205,7 +204,7 @@ Points = Sequence[PointTrials]
 class Samples(NamedTuple):
     """Samples that are compared: k of them at each of some points."""
 
-    names: list[str]  # (k,) what each sample is of
+    names: list[str]  # (k,) names of the samples
     matches: list[tuple[dict[str, Any], list[PointTrials | None]]]
     """Axis values of each point, and its k samples; None where one has no trials."""
 
@@ -232,10 +231,10 @@ class Comparison(NamedTuple):
     a: str
     b: str
     points: list[PointComparison]
-    compared: int  # number of points with trials enough to be compared
-    left_out: int  # number of points that only one of the two has trials at
-    averaged: int  # number of these at which what is tested has an interval
-    tested: str  # what p-values and intervals are of: `ratio` where all values are positive, else `difference`
+    compared: int  # number of points with enough trials to be compared
+    left_out: int  # number of points at which only one of the two has trials
+    averaged: int  # number of compared points at which the tested quantity has an interval
+    tested: str  # quantity of p-values and intervals: `ratio` if all values are positive, else `difference`
     ratio: Estimate  # geometric mean of B / A over the points averaged; undetermined if differences are tested
     difference: Estimate  # mean of B - A over these; undetermined if ratios are tested
     p_value: float  # probability that chance makes all points as different together; NaN where none is compared
@@ -259,7 +258,7 @@ def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
 
 
 def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequence[Sequence[int]]) -> Samples:
-    """Match points of sweeps, of any axes, by their numbers: those in each of `chosen` are one of each folder."""
+    """Match points of sweeps, which may have any axes: each of `chosen` has the number of a point in each folder."""
     chosen_points = []
     for numbers in chosen:
         if len(numbers) != len(folders):
@@ -286,9 +285,9 @@ def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequen
 
 
 def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
-    """Match the points of one sweep at which an axis has each of some values.
+    """Match the points of one sweep that have these values of an axis, and are otherwise alike.
 
-    The axis, and what is tied one-to-one to it, is not among the axes of a match.
+    The axis, and axes that are tied one-to-one to it, are not among the axes of a match.
     """
     if key not in points[0].axes:
         raise EpuckSimError(f"--axis: {did_you_mean(key, points[0].axes)}; axes: {comma_list(points[0].axes)}")
@@ -311,7 +310,7 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
 
 
 def compare(samples: Samples, *, with_first: bool = False) -> list[Comparison]:
-    """Compare each two samples, or each with the first, with p-values corrected for the number of points and pairs.
+    """Compare all pairs of samples, or all with the first, with p-values corrected for the number of points and pairs.
 
     Raises:
         EpuckSimError: No point has trials of two samples.
@@ -406,7 +405,7 @@ def _permutation_test(pairs: Sequence[Pair], *, of_logarithms: bool) -> tuple[li
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for their number by Holm's method; those that are NaN do not count.
+    """Return p-values corrected for their number by Holm's method; NaN do not count.
 
     >>> holm([0.01, 0.04, math.nan, 0.03])
     [0.03, 0.06, nan, 0.06]
@@ -420,7 +419,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def comparison_tables(compared: Sequence[Comparison], points: Points) -> list[Table]:
-    """Return the table of all points, and of several pairs one of what they are over all; `points` have the unit."""
+    """Return a table of all points, and for several pairs one of their results over all; `points` give the unit."""
     first, is_one = compared[0], len(compared) == 1
     names = list(dict.fromkeys(name for each in compared for name in (each.a, each.b)))
     letters = {name: chr(ord("A") + number) if number < 26 else str(number) for number, name in enumerate(names)}

@@ -1,7 +1,7 @@
 """Curves of a statistic of T_sync, or of a measure: against one axis of a sweep, and over the cycles of its trials.
 
-Trials that have ended before a cycle do not count there. Where trials end by themselves, as with synchrony, those that
-are left are not like those that have ended.
+Only trials that reach a cycle count there. Where trials end by themselves, as with synchrony, those that are left
+differ from those that have ended.
 """
 
 from collections.abc import Iterator, Sequence
@@ -61,7 +61,7 @@ class Curve(NamedTuple):
 def folder_curves(
     folder: Path | str, of: str | None = None, axis: str | None = None, statistic: Statistic = Statistic.MEAN
 ) -> tuple[str, list[Curve]]:
-    """Return an axis of a run folder, the speed or that with the most numbers by default, and the curves along it."""
+    """Return an axis of a run folder, by default speed or that with the most numbers, and the curves along it."""
     points = read_points(folder, of)
     rows = [point.axes for point in points]
     with refused_at(str(folder)):
@@ -81,7 +81,7 @@ def read_curves(
 
 
 def check_speed_alone(curves: Sequence[Curve]) -> None:
-    """Raise EpuckSimError where more changes along a curve than speeds and the limit of cycles."""
+    """Raise EpuckSimError if anything but speeds and the limit of cycles changes along a curve."""
     tied = [key for curve in curves for key in curve.tied if not key.endswith((SPEED, ".max_cycles"))]
     if tied:
         raise EpuckSimError(f"{tied[0]} changes with the speed; give sweep.grid one of them instead of zip")
@@ -90,7 +90,7 @@ def check_speed_alone(curves: Sequence[Curve]) -> None:
 def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
     """Group points by the values of all axes but `axes`, see `group_rows`, and sort each group by `axes`.
 
-    A group is the values of the other axes, and its points; those without trials are left out.
+    A group is the values of the other axes, and its points; points without trials are left out.
     """
     found = []
     for others, places in group_rows([point.axes for point in points], *axes):
@@ -109,7 +109,7 @@ def estimate_curve(
 ) -> Curve:
     """Estimate the curve through points that have trials, sorted by `axis`; `others` are the values that they share.
 
-    Estimates are as if trials were censored at a cycle, where one is given.
+    With `censored_at`, estimates are as if trials were censored at that cycle.
     """
     measured = [measure(point) for point in points]
     for each in measured:
@@ -135,14 +135,14 @@ def estimate_curve(
 
 
 class SeriesStatistics(NamedTuple):
-    """Statistics of several series at each of C cycles, or of what they are over; NaN where there are none."""
+    """Statistics of several series at each of C cycles, or other items (`over`); NaN where there are none."""
 
     cycles: IntArray  # (C,) cycles, from 1
     trials: IntArray  # (C,) number of trials that reach the cycle
     known: IntArray  # (C,) number of these whose value is determined; the statistics are of them
     mean: FloatArray  # (C, 3) mean, and the ends of its 95 % interval
     median: FloatArray  # (C, 3) median, and the ends of its 95 % interval
-    over: str = "cycle"  # what there is a value for, see `Measure.over`
+    over: str = "cycle"  # noun for the items, see `Measure.over`
 
 
 class PointSeries(NamedTuple):
@@ -172,7 +172,7 @@ class PointSeries(NamedTuple):
 
 
 STEPS = (1, 2, 5)  # cycles of each decade that tables show, besides the last one
-MOST = 20  # values of what is not over cycles that tables show anyway
+MOST = 20  # number of first items that tables show of series that are not over cycles
 
 
 def series_table(title: str, points: Sequence[PointSeries]) -> Table:
@@ -201,7 +201,7 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
 
 
 def has_series(point: PointTrials) -> bool:
-    """Return whether a point's trials have series of the measure that was asked for."""
+    """Return whether a point's trials have series of the requested measure."""
     return any(isinstance(value, list) for value in point.measured)
 
 
@@ -244,7 +244,7 @@ def _medians(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> F
 
 
 def _median_ranks(count: int) -> tuple[int, int, int, int]:
-    """Return which of ordered values, from 0, the median lies between, and which end its interval."""
+    """Return the ranks, from 0, of the two values between which the median lies, and of its interval's ends."""
     if count < MIN_TRIALS:
         return max(count - 1, 0) // 2, count // 2 if count else 0, 0, 0
     _, low, high = median_time(np.arange(count), np.ones(count, np.bool_))

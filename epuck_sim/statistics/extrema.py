@@ -32,15 +32,15 @@ MIN_VARIANCE = 1e-8
 """Smallest variance of log T; keeps curves without noise solvable, and no experiment knows T_sync to 0.01 %."""
 
 ROUGHNESSES = 10.0 ** np.arange(-1, 6.5, 0.5)
-"""Roughnesses of log T to choose from: from that of almost a parabola to that of a curve through every point.
+"""Roughnesses of log T to choose from, between almost a parabola and a curve through every point.
 
-Roughness is the variance of the white noise that is the third derivative of log T, per decade of speed.
+The third derivative of log T is taken as white noise; roughness is its variance per decade of speed.
 """
 
 UNDERSMOOTHING = 3.0
 """Factor from the likeliest roughness to the one used.
 
-The likeliest curve has too flat peaks, and intervals about them miss the truth too often. With three times the
+Peaks of the likeliest curve are too flat, and their intervals miss the truth too often. With three times the
 roughness the intervals cover the truth, and the estimates are as good.
 """
 
@@ -62,7 +62,7 @@ class Extrema(NamedTuple):
 
     values: FloatArray  # (n,)
     intervals: FloatArray  # (n, 2) 95 % intervals: low and high
-    p_value: float  # probability that noise on a curve without any makes one as strong
+    p_value: float  # probability that noise makes one as strong on a curve without any
     resampled: FloatArray  # (B, n) that of each resample
 
     @property
@@ -73,7 +73,7 @@ class Extrema(NamedTuple):
 
     @property
     def places(self) -> list[Place]:
-        """The n numbers, each with its interval; none where they may be noise."""
+        """The n numbers, each with its interval; empty if they may be noise."""
         columns = zip(self.values.tolist(), self.intervals.tolist(), self.resampled.T, strict=True)
         return [Place(Estimate(value, *ends), drawn) for value, ends, drawn in columns if self.is_found]
 
@@ -82,17 +82,17 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
     """Find the local minimum and the later peak with the largest rise in log T between them (thesis 4.2.2).
 
     The strength of a pair is the least of the fall to the minimum, the rise, and the fall from the peak. Noise makes
-    rises too: the p-value is the share of rises at least as large as this strength on the falling curve that fits best,
-    under the noise of the resamples. Intervals are percentiles over the pairs of the resamples.
+    rises, too: the noise of each resample is added to the falling curve that fits best, and the p-value is the share of
+    rises that are at least as large as the strength. Intervals are percentiles over the pairs of the resamples.
 
-    Arguments, and when there is no pair to look for, are those of `smooth_logs`; numbers are in the order of `PLACES`.
+    Arguments are those of `smooth_logs`; None is returned if that returns it. Numbers are in the order of `PLACES`.
     """
     fit = smooth_logs(speeds, means, resampled)
     return fit and _find(fit, _monotone(fit, False), _largest_rises)
 
 
 class SmoothedLogs(NamedTuple):
-    """Logarithms of T_sync, or of a measure, at K speeds, and how they are smoothed."""
+    """Logarithms of T_sync, or of a measure, at K speeds, and the matrix that smooths them."""
 
     speeds: FloatArray  # (G,) log-spaced speeds, or values of another axis, between the K
     smoother: FloatArray  # (G, K) matrix: logs at the K determined speeds in, logs on the grid out
@@ -104,8 +104,8 @@ class SmoothedLogs(NamedTuple):
 def smooth_logs(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SmoothedLogs | None:
     """Smooth T_sync, or a measure, as a function of speed, or of another axis, in logs of both.
 
-    Speed 0 is left out, and so is every speed whose mean, or more than 5 % of whose resamples, are undetermined (not
-    finite). Up to 5 % count as the longest resample that is determined, since what is undetermined took too long.
+    Speed 0 is left out, and so is every speed at which the mean, or more than 5 % of the resamples, are undetermined
+    (not finite). Up to 5 % count as the longest determined resample, since undetermined ones took too long.
 
     Speeds, (S,) cm/s, ascend; means are (S,) cycles, those of resamples (B, S). None is returned if fewer than
     `MIN_SPEEDS` are determined.
@@ -126,7 +126,7 @@ def smooth_logs(speeds: FloatArray, means: FloatArray, resampled: FloatArray) ->
 def _smoother(x: FloatArray, penalties: FloatArray, grid: FloatArray) -> FloatArray:
     """Return the matrix (G, K) of the quintic smoothing spline: least squares plus a penalty on the third derivative.
 
-    It leaves parabolas as they are, and extrema are such; a penalty on the curvature would flatten them.
+    It leaves parabolas unchanged, and extrema are like them; a penalty on the curvature would flatten them.
     """
     smoothing = QUINTIC_SCALE * penalties
     spline = RBFInterpolator(x[:, None], np.eye(len(x)), smoothing=smoothing, kernel="quintic", degree=2)
@@ -148,8 +148,8 @@ def _likeliest_roughness(x: FloatArray, logs: FloatArray, variances: FloatArray)
 
 
 Finder = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""Takes (G,) speeds and (B, G) logarithms of curves; returns what is found on each, (B, n), NaN without any, its
-strength, (B,), 0 without any, and its size, (B,), which chance must make as large as a strength.
+"""Takes (G,) speeds and (B, G) logarithms of curves; returns the numbers found on each, (B, n), NaN if there are none;
+their strength, (B,), 0 if there are none; and their size, (B,), which for noise is compared with the strength.
 """
 
 
@@ -169,7 +169,7 @@ def _find(fit: SmoothedLogs, without: FloatArray, find: Finder) -> Extrema:
 
 
 def _monotone(fit: SmoothedLogs, *ways: bool) -> FloatArray:
-    """Return the curve, (K,), that only rises, True, or only falls, False, whichever of these ways fits better."""
+    """Return the curve, (K,), that only rises (True) or only falls (False), whichever of `ways` fits better."""
     weights = 1 / fit.variances
     curves = [isotonic_regression(fit.logs, weights=weights, increasing=way).x for way in ways]
     best: FloatArray = min(curves, key=lambda curve: float((weights * (fit.logs - curve) ** 2).sum()))
@@ -196,7 +196,7 @@ def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, Fl
 
 
 def most_prominent(x: FloatArray, curves: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Find the most prominent peak of each curve: where, how high, and its prominence, which is its size, too."""
+    """Find the most prominent peak of each curve: place and height, and its prominence, as strength and as size."""
     before = np.minimum.accumulate(curves, axis=1)
     after = np.minimum.accumulate(curves[:, ::-1], axis=1)[:, ::-1]
     prominences = curves - np.maximum(before, after)
@@ -209,8 +209,8 @@ def most_prominent(x: FloatArray, curves: FloatArray) -> tuple[FloatArray, Float
 def find_peak(fit: SmoothedLogs) -> Extrema:
     """Find the most prominent peak of a smoothed curve: the value of its axis, and its height.
 
-    Its prominence is how far the logarithm of the measure falls on the side on which it falls less. The p-value
-    compares it with those of the best curve that only rises or only falls, under the noise of the resamples.
+    Its prominence is the fall of the measure's logarithm on the side on which it falls less. The p-value compares it
+    with prominences on the best curve that only rises or only falls, with the noise of the resamples.
     """
     return _find(fit, _monotone(fit, False, True), most_prominent)
 
@@ -226,7 +226,7 @@ def find_minimum(fit: SmoothedLogs) -> Extrema:
 class ExtremaSearch(NamedTuple):
     """Extrema found on a curve, and their p-value."""
 
-    places: dict[str, Place]  # those of the pair, by the names in `PLACES`; none where there is none beyond noise
+    places: dict[str, Place]  # places of the pair, by the names in `PLACES`; empty if noise could explain it
     p_value: float | None  # None where it cannot be looked for
     reason: str  # why it cannot, and what would be enough; empty where it can
 
@@ -275,17 +275,17 @@ def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: B
 FAST_FACTOR = 2.0  # T_sync at V_f, as a multiple of that at the largest speed. The thesis gives no definition
 
 LEVEL_FACTOR = 1.25
-"""Largest T_sync halfway, in logs, from V_f to the largest speed with which a curve counts as level beyond V_f.
+"""Largest T_sync, halfway in logs from V_f to the largest speed, of a curve that counts as level beyond V_f.
 
-It is a multiple of T_sync at the largest speed. A curve that falls on, like a power of the speed, has 1.41 there.
+It is a multiple of T_sync at the largest speed. A curve that keeps falling, like a power of the speed, has 1.41 there.
 """
 
 
 def find_fast_speed(curve: Curve) -> Place | None:
-    """Find V_f, the speed from which on T_sync is less than twice that at the largest speed.
+    """Find V_f, the speed above which T_sync is less than twice that at the largest speed.
 
-    Where T_sync is unknown because all trials are censored, it counts as the limit of cycles. There is no V_f where
-    T_sync is nowhere that long or still falls at the largest speeds, and where a point has fewer than `MIN_TRIALS`.
+    Where T_sync is unknown because all trials are censored, it counts as the limit of cycles. There is no V_f if T_sync
+    is nowhere that long or still falls at the largest speeds, or if a point has fewer than `MIN_TRIALS` trials.
     """
     moving = curve.x > 0
     if np.count_nonzero(moving) < 2 or curve.trials[moving].min() < MIN_TRIALS or curve.censored[-1] > 0:

@@ -63,12 +63,12 @@ LAWS: dict[str, dict[str, Law]] = {
 }
 """Laws of the thesis for each model, by quantity.
 
-Those of 4.2.2 are of robots, and of times they hold up to an offset (`fit_offset_law`). Point agents share those of
-V_m and V_p, which agree with Prignano et al. (2013), but have no size: with V and R in units of L nothing depends on L.
-T_p grows exponentially with N, at a rate that 5.4.1 does not give; V_f is Prignano's too.
+The laws of 4.2.2 are for robots; those of times hold up to an offset (`fit_offset_law`). Point agents share the laws
+of V_m and V_p, which agree with Prignano et al. (2013), but have no size: with V and R in units of L nothing depends on
+L. T_p grows exponentially with N, at a rate that 5.4.1 does not give; the law of V_f is Prignano's, too.
 """
 
-LEAST_VARIANCE = 1e-12  # relative; keeps values without noise solvable
+LEAST_VARIANCE = 1e-12  # smallest relative variance; keeps fits of values without noise solvable
 
 
 class PowerLaw(NamedTuple):
@@ -167,7 +167,7 @@ def _without_gaps(values: FloatArray, resampled: FloatArray) -> tuple[BoolArray,
 def _least_squares(
     design: FloatArray, weights: FloatArray, names: Sequence[str], values: FloatArray, resampled: FloatArray
 ) -> tuple[list[Estimate], float]:
-    """Return the coefficients of a design (C, P), with percentiles of those of resamples, and the squares that stay."""
+    """Return the coefficients of a design (C, P), with percentiles over resamples, and the residual sum of squares."""
     curves, unknowns = design.shape
     if curves < unknowns:
         raise ValueError(f"{curves} curves do not determine {unknowns} unknowns: a prefactor and {', '.join(names)}")
@@ -194,7 +194,7 @@ class FittedCurve(NamedTuple):
     model: str
     names: list[str]  # names of the statistic of T_sync at its points, each once
     places: dict[str, Place]  # by the names in `LAWS`: those that noise could not explain, V_f of point agents alone
-    p_value: float | None  # of minimum and peak; None where they cannot be looked for
+    p_value: float | None  # p-value of minimum and peak; None where they cannot be looked for
     reason: str  # why they cannot, and what would be enough; empty where they can
 
     def record(self) -> dict[str, Any]:
@@ -211,7 +211,7 @@ class Laws(NamedTuple):
     curves: int  # number of these curves
     exponents: list[Comparison]
     offset_laws: dict[str, OffsetLaw]  # laws of T_m and T_p, by name
-    reason: str  # why there are no laws, or nothing
+    reason: str  # why there are no laws; empty if there are
     left_out: int = 0  # number of curves with a minimum and a peak, or V_f, that differ from these in another setting
 
 

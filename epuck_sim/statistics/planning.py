@@ -1,4 +1,4 @@
-"""How many trials each point of a sweep needs, from those that are stored."""
+"""Number of trials that each point of a sweep needs, estimated from those that are stored."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import Measured, estimate, mean_and_error, measure, quantity
 from epuck_sim.statistics.survival import QUANTILE
 
-POWER = 0.8  # probability with which a difference is to be seen, by default
+POWER = 0.8  # default probability of seeing a difference
 
 
 class PointPlan(NamedTuple):
@@ -34,9 +34,9 @@ class TrialPlan(NamedTuple):
     power: float  # probability with which it is seen
     points: list[PointPlan]
     over_all: int | None
-    """Trials a point that show it over all points together, if all differ alike; None where that cannot be said."""
+    """Trials per point that show it over all points together, if all differ alike; None where that cannot be said."""
     of: str | None  # name of the measure; None for T_sync
-    is_of_shares: bool  # whether the measure is a truth value, whose shares are told apart
+    is_of_shares: bool  # whether the measure is a truth value, so that shares are compared
 
     def table(self, name: str) -> Table:
         """Return a table of what each point needs; `name` is the sweep's."""
@@ -62,9 +62,9 @@ class TrialPlan(NamedTuple):
 
 
 def plan_trials(points: Sequence[PointTrials], difference: float, power: float) -> TrialPlan:
-    """Return how many trials show a difference of T_sync, or of the measure that `read_points` was asked for.
+    """Return how many trials show a difference of T_sync, or of the measure that was requested from `read_points`.
 
-    The difference is relative to the smaller mean; of truth values, it is that of the shares that are true.
+    The difference is relative to the smaller mean; for truth values, it is the difference of the shares that are true.
     """
     measured = [measure(point) for point in points]
     known = [each for each in measured if len(each.values)]
@@ -80,7 +80,7 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
         planned.append(PointPlan(point.number, point.axes, count, found.name, found.value, spread, trials))
         if trials is not None:
             scatter.append((scale, found.value))
-    # a rise of what is negative somewhere and positive elsewhere is no difference over all
+    # relative differences of means of both signs have no common direction
     is_one_sign = len({mean > 0 for _, mean in scatter}) == 1 or is_of_shares
     over_all = needed([scale for scale, _ in scatter], difference, power) if scatter and is_one_sign else None
     return TrialPlan(difference, power, planned, over_all, points[0].of, is_of_shares)
@@ -94,11 +94,11 @@ def _relative_spread(measured: Measured) -> float:
 
 
 def trials_needed(spreads: Sequence[float], difference: float, power: float = POWER) -> int:
-    """Return how many trials a point each of two samples needs for their difference to be seen with this probability.
+    """Return the trials per point that two samples need each for their difference to be seen with this probability.
 
-    Seen means p < 0.05. The difference is relative to the smaller mean. One relative spread gives the trials to see it
-    at that point; several, to see it over all of them, if they all differ alike. Logarithms of means are taken as
-    normal, and the spreads as those of both samples.
+    Seen means p < 0.05. The difference is relative to the smaller mean. With one relative spread, it is seen at that
+    point; with several, over all points together, if all differ alike. Logarithms of means are taken as normal, and the
+    spreads as those of both samples.
 
     >>> trials_needed([0.8], 0.2), trials_needed([0.8] * 20, 0.2)
     (303, 16)
@@ -111,9 +111,9 @@ def trials_needed(spreads: Sequence[float], difference: float, power: float = PO
 def trials_for_shares(shares: Sequence[float], difference: float, power: float = POWER) -> int | None:
     """Return `trials_needed` for shares of truth values; None if they can neither rise nor fall by the difference.
 
-    Of shares that are higher and shares that are lower by the difference, those count that take more trials. The number
-    is that for a test with the correction for continuity, which is nearly that of an exact or a permutation test
-    (Casagrande, Pike, Smith 1978); over several points, of their mean difference.
+    The other shares may be higher or lower by the difference: the case that takes more trials counts. The number is for
+    a test with the correction for continuity, and nearly that for an exact or a permutation test (Casagrande, Pike,
+    Smith 1978); with several points, the test is of their mean difference.
 
     >>> trials_for_shares([0.5], 0.2), trials_for_shares([0.5], 0.6)
     (103, None)
@@ -127,8 +127,8 @@ def trials_for_shares(shares: Sequence[float], difference: float, power: float =
 
 
 def _trials_between(shares: Sequence[float], others: Sequence[float], power: float) -> int:
-    """Return how many trials a point tell shares, (P,), from others that differ from them by one difference."""
-    seen = NormalDist().inv_cdf(power)  # by how many standard errors the difference exceeds what chance may be
+    """Return the trials per point that tell shares, (P,), from others that all differ by the same amount."""
+    seen = NormalDist().inv_cdf(power)  # standard errors by which the difference exceeds the bound of the test
     count, difference = len(shares), abs(others[0] - shares[0])
     pairs = list(zip(shares, others, strict=True))
     alike = sum(2 * mean * (1 - mean) for mean in ((one + other) / 2 for one, other in pairs))

@@ -1,9 +1,9 @@
-"""Intervals of a mean that hold at every look at a growing number of trials, and how narrow they are asked to be.
+"""Intervals of a mean that hold at every look at a growing number of trials, and how narrow they must be.
 
 A point is looked at when it has 20 trials, and whenever it has half as many more, up to a limit. The interval at a look
-is that of `estimate_mean`, at the higher level at which the intervals of all looks together hold the truth in 95 % of
-all cases: repeated confidence intervals (Jennison and Turnbull 1989), with one boundary for all looks (Pocock 1977) and
-Student's quantiles. So it does not matter by which rule looks end, nor whether narrower intervals are asked for later.
+is that of `estimate_mean`, at a higher level, so that the intervals of all looks together hold the truth in 95 % of all
+cases: repeated confidence intervals (Jennison and Turnbull 1989), with one boundary for all looks (Pocock 1977) and
+Student's quantiles. So looks may end by any rule, and narrower intervals may be asked for later.
 """
 
 import math
@@ -20,20 +20,20 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.statistics.statistic import Measured, difference, estimate_mean
 
-FIRST_LOOK = 20  # number of trials of a point at its first look: with fewer, the spread is known too badly to end
+FIRST_LOOK = 20  # number of trials of a point at its first look: with fewer, the spread is not known well enough
 GROWTH = 1.5  # number of trials at a look, relative to that at the look before
-_NODES = 48  # of the Gauss-Legendre quadrature: at 24, the level has five digits
+_NODES = 48  # number of nodes of the Gauss-Legendre quadrature: with 24, the level has five digits
 
 
 class Precision(NamedTuple):
-    """How narrow intervals are asked to be: the largest half of their width."""
+    """Precision asked of intervals: their largest half-width."""
 
     reach: float  # half of the width, in cycles, or relative to the estimate
     is_relative: bool
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the precision that a text such as 10% or 3 names.
+        """Return the precision that is written as 10% or 3, for example.
 
         >>> Precision.parse("10%")
         Precision(reach=0.1, is_relative=True)
@@ -47,7 +47,7 @@ class Precision(NamedTuple):
         return cls(float(match[1]) / (100 if match[2] else 1), bool(match[2]))
 
     def width(self, found: Estimate) -> float:
-        """Return the width of an interval relative to what is asked; inf where there is none, or it is open."""
+        """Return the width of an interval over the width asked for; inf if there is none, or it is open."""
         asked = self.reach * (found.value if self.is_relative else 1)
         width = (found.high - found.low) / (2 * asked) if asked > 0 else math.inf
         return math.inf if math.isnan(width) else width
@@ -70,25 +70,25 @@ def look_sizes(limit: int) -> tuple[int, ...]:
 
 
 def relative_sizes(looks: int) -> tuple[float, ...]:
-    """Return the numbers of trials at so many looks, over that at the first."""
+    """Return the numbers of trials at the first `looks` looks, relative to the first of them."""
     return tuple(GROWTH**look for look in range(looks))
 
 
 def look_level(sizes: tuple[int, ...]) -> float:
-    """Return the level of the interval at each look at which all of them hold the truth with probability `LEVEL`."""
+    """Return the level of each look's interval so that all of them hold the truth with probability `LEVEL`."""
     return 2 * NormalDist().cdf(look_boundary(sizes, LEVEL)) - 1
 
 
 @lru_cache
 def look_boundary(sizes: tuple[float, ...], level: float) -> float:
-    """Return within how many standard errors of the truth a mean is at all looks with the probability `level`."""
+    """Return the number of standard errors within which means at all looks are with the probability `level`."""
     return float(brentq(lambda boundary: probability_within(boundary, sizes) - level, 1, 8))
 
 
 def looks_p_value(p_value: float, looks: int) -> float:
-    """Return the p-value of a look among so many, at which trials grow by `GROWTH`: that of the least of all looks.
+    """Return the smallest p-value of several looks, between which trials grow by `GROWTH`, corrected for their number.
 
-    Two-sided p-values of any test stand for standard errors as those of a normal mean do (the significance level
+    Two-sided p-values of any test are converted to standard errors as for a normal mean (the significance level
     approach of Jennison and Turnbull, 1999).
 
     >>> [round(looks_p_value(0.01, looks), 3) for looks in (1, 2, 8)]
@@ -105,7 +105,7 @@ def probability_within(boundary: float, sizes: tuple[float, ...]) -> float:
     """Return the probability that a mean is within so many standard errors of the truth at every look.
 
     The density of the deviations that were within so far is carried from look to look (Armitage, McPherson and Rowe
-    1969); that of the last n of m trials is correlated with that of all by the root of n / m.
+    1969); the correlation between the deviations of n of m trials and of all m is the root of n / m.
 
     >>> [round(probability_within(1.96, sizes), 3) for sizes in ((20,), (20, 40), (20, 40, 60, 80, 100))]
     [0.95, 0.917, 0.858]
@@ -122,9 +122,9 @@ def probability_within(boundary: float, sizes: tuple[float, ...]) -> float:
 
 
 def look_contrast(first: Estimate, other: Estimate, *, is_relative: bool) -> Estimate:
-    """Return the ratio of the other mean to the first, or their difference, from intervals at looks of as many trials.
+    """Return the ratio of the other mean to the first, or their difference, from intervals at looks of equal size.
 
-    The level is that of their intervals; that of the ratio is of logarithms.
+    The level is that of their intervals; the interval of the ratio is computed in logarithms.
     """
     if not is_relative:
         return difference(first.ends, other.ends)
@@ -133,10 +133,10 @@ def look_contrast(first: Estimate, other: Estimate, *, is_relative: bool) -> Est
 
 
 def look_interval(measured: Measured, limit: int) -> Estimate:
-    """Return the mean at a look, restricted where trials are censored, with its interval; `limit` is that of trials.
+    """Return the mean at a look, restricted if trials are censored, with its interval; `limit` is the most trials.
 
-    Where all trials are censored, no more of them than the binomial distribution allows would end sooner (Clopper and
-    Pearson 1934). Nothing is known where all trials have failed.
+    If all trials are censored, the binomial distribution limits the share that would end sooner (Clopper and Pearson
+    1934). If all trials have failed, the mean is undetermined.
     """
     if not len(measured.values):
         return UNDETERMINED

@@ -1,8 +1,8 @@
-"""The values of a measure in the trials of a point, and the statistics of these, with intervals and resamples.
+"""The values of a measure in the trials of a point, and their statistics, with intervals and resamples.
 
-A mean is that of the sample where nothing is censored, else it is restricted to a horizon. Its interval is Student's,
-of the logarithm where all values are positive. Of skewed samples of 5 to 200 trials it holds the truth in 90 to 98 % of
-all cases, where percentiles of the bootstrap do in 78 to 96 %: docs/statistics.md.
+A mean is that of the sample if no trial is censored, and is restricted to a horizon otherwise. Its interval is
+Student's, of the logarithm if all values are positive. With skewed samples of 5 to 200 trials it holds the truth in 90
+to 98 % of all cases; percentiles of the bootstrap do in 78 to 96 % (docs/statistics.md).
 """
 
 import math
@@ -23,13 +23,13 @@ from epuck_sim.statistics import Statistic, survival
 from epuck_sim.util.messages import comma_list
 
 RESAMPLES = 1000  # number of resamples of each point
-MOST_CENSORED = 0.5  # share of censored trials from which on figures hatch a point, and minima and peaks do without it
+MOST_CENSORED = 0.5  # least share of censored trials at which figures hatch a point, and minima and peaks leave it out
 
 
 class Measured(NamedTuple):
     """The values of a measure in n trials."""
 
-    values: FloatArray  # (n,) values; of a censored trial all that is known is that its value is larger than this
+    values: FloatArray  # (n,) values; for a censored trial, a lower bound of its value
     observed: BoolArray  # (n,) whether each value is known; otherwise it is censored
     limit: float  # largest value that a trial can have before it is censored; inf for a measure that is never censored
     seed: int  # seed of resamples
@@ -44,19 +44,19 @@ class Measured(NamedTuple):
 
     @property
     def supports_interval(self) -> bool:
-        """Whether an interval can be given: there are trials enough, and not all have one value."""
+        """Whether an interval can be given: there are enough trials, and not all have the same value."""
         return len(self.values) >= MIN_TRIALS and len(np.unique(self.values)) > 1
 
     @property
     def horizon(self) -> float:
-        """Value up to which the distribution is known: the limit, or the longest trial where some are censored sooner.
+        """Value up to which the distribution is known: the limit, or the longest trial if some are censored sooner.
 
-        Trials that ran out of time before they ran out of cycles say nothing about what comes after them.
+        Trials that reach their limit of time before that of cycles say nothing about later cycles.
         """
         return self.limit if self.observed.all() else min(self.limit, float(self.values.max()))
 
     def described(self, found: Estimate, name: str) -> Estimate:
-        """Return an estimate that is of these trials, under its name."""
+        """Return an estimate with its name, and with the unit, number and censored share of these trials."""
         return found._replace(name=name, unit=self.unit, n=len(self.values), censored=self.censored)
 
 
@@ -69,7 +69,7 @@ def cut(measured: Measured, limit: float) -> Measured:
 
 
 def restrict(samples: Sequence[Measured]) -> list[Measured]:
-    """Return samples cut at the lowest of their horizons, if trials of any are censored: then their means compare."""
+    """Return samples, cut at the lowest of their horizons if any trials are censored, so that means are comparable."""
     if all(each.observed.all() for each in samples):
         return list(samples)
     horizon = min(each.horizon for each in samples)
@@ -102,7 +102,7 @@ def measure_unit(point: PointTrials) -> str | None:
 
 
 def check_units(points: Sequence[PointTrials]) -> None:
-    """Raise EpuckSimError if a measure has several units at points of several folders; one whose file is gone fits."""
+    """Raise EpuckSimError if the unit of a measure differs between folders; a measure whose file is gone fits any."""
     found = map(measure_unit, points)
     units = dict.fromkeys(unit or "none" for unit in found if unit is not None)
     if len(units) > 1:
@@ -123,7 +123,7 @@ def measure_t_sync(point: PointTrials) -> Measured:
 
 
 def measure(point: PointTrials) -> Measured:
-    """Return the values of the measure that `read_points` was asked for; T_sync if it was asked for none.
+    """Return the values of the measure that was requested from `read_points`, or of T_sync if none was.
 
     Values that are undetermined are left out. Truth values count as 1 and 0, so that their mean is the share of trials
     in which they are true. StoreError is raised for series, and where trials have no T_sync.
@@ -142,7 +142,7 @@ def measure(point: PointTrials) -> Measured:
 
 
 def statistic_name(statistic: Statistic, is_censored: bool, *, is_share: bool = False) -> str:
-    """Return the name of a statistic of trials some of which are censored, or none, or of truth values.
+    """Return the name of a statistic, which depends on whether trials are censored, or values are truth values.
 
     >>> statistic_name(Statistic.MEAN, False), statistic_name(Statistic.MEAN, True)
     ('mean', 'restricted mean')
@@ -155,7 +155,7 @@ def statistic_name(statistic: Statistic, is_censored: bool, *, is_share: bool = 
 
 
 def check_statistic(measured: Measured, statistic: Statistic) -> None:
-    """Raise EpuckSimError for a statistic that makes no sense of a measure."""
+    """Raise EpuckSimError for a statistic that is not defined for a measure."""
     if statistic == Statistic.WEIBULL_MEAN and measured.limit == math.inf:
         raise EpuckSimError("the Weibull mean is of T_sync alone; allowed for measures: mean or median")
     if statistic != Statistic.MEAN and measured.is_share:
@@ -163,9 +163,9 @@ def check_statistic(measured: Measured, statistic: Statistic) -> None:
 
 
 def estimate(measured: Measured, statistic: Statistic, resampled: FloatArray | None = None) -> Estimate:
-    """Return a statistic with its interval; undetermined where no trial is uncensored.
+    """Return a statistic with its interval; undetermined if all trials are censored.
 
-    The interval of a Weibull mean is that of what `resample` gives, where it is at hand.
+    The interval of a Weibull mean uses `resampled`, which `resample` returns, if it is given.
     """
     name = statistic_name(statistic, measured.censored > 0, is_share=measured.is_share)
     if not measured.observed.any():
@@ -182,7 +182,7 @@ def estimate(measured: Measured, statistic: Statistic, resampled: FloatArray | N
 
 
 def resample(measured: Measured, statistic: Statistic) -> FloatArray:
-    """Return a statistic of `RESAMPLES` resamples, (B,); inf where it is longer than can be said."""
+    """Return a statistic of `RESAMPLES` resamples, (B,); inf where it is too long to be determined."""
     if not measured.observed.any():
         return np.full(RESAMPLES, math.inf)
     if statistic == Statistic.MEAN:
@@ -204,7 +204,7 @@ def estimate_median(measured: Measured) -> Estimate:
 
 
 def _shift(measured: Measured) -> float:
-    """Return the smallest value if it is negative, else 0.0; less it, values are like times."""
+    """Return the smallest value if it is negative, else 0.0; minus this shift, no value is negative, as for times."""
     return min(float(measured.values.min()), 0.0)
 
 
@@ -221,10 +221,10 @@ def estimate_weibull_mean(measured: Measured, resampled: FloatArray | None = Non
 
 
 class MeanError(NamedTuple):
-    """A mean, and how far it may be from the truth."""
+    """A mean and its standard error."""
 
     mean: float
-    error: float  # standard error; 0 of one trial, and where all trials have one value
+    error: float  # standard error; 0 for one trial, and if all trials have one value
     freedom: int  # degrees of freedom of the error
 
 
@@ -255,7 +255,7 @@ def student_quantile(freedom: float, level: float = LEVEL) -> float:
 
 
 def resample_means(measured: Measured, resamples: int) -> FloatArray:
-    """Return the means, (resamples,), of as many trials drawn with replacement, as widely spread as those of new ones.
+    """Return the means, (resamples,), of resamples, spread as widely as the means of new samples of the same size.
 
     The variance of n trials about their own mean is too small by the factor (n - 1) / n, which matters if they are few.
     """
@@ -280,10 +280,10 @@ def mean_and_error(measured: Measured) -> MeanError:
     values, trials = measured.values, len(measured.values)
     if not trials:
         return MeanError(math.nan, 0.0, 0)
-    # few uncensored trials carry all that is known of the spread
+    # the spread is known from uncensored trials alone, which may be few
     freedom = min(trials - 1, int(np.count_nonzero(measured.observed)))
     if measured.observed.all():
-        if values.min() == values.max():  # whose mean would be off by rounding, and not without an error
+        if values.min() == values.max():  # rounding would change the mean, and give it an error
             return MeanError(float(values[0]), 0.0, freedom)
         return MeanError(float(values.mean()), float(values.std(ddof=1)) / math.sqrt(trials), freedom)
     curve = survival.make_curve(values, measured.observed)
@@ -327,9 +327,9 @@ def share_difference(first: Measured, second: Measured) -> Estimate:
 
 
 def difference(first: Sequence[float], second: Sequence[float]) -> Estimate:
-    """Return the second of two values minus the first, each of which is given with the ends of its interval.
+    """Return the second of two values minus the first; each is given with the ends of its interval.
 
-    The parts of the intervals on either side of the values are added in squares (Zou and Donner 2008).
+    Distances from the values to the ends of their intervals are added in squares (Zou and Donner 2008).
     """
     (a, a_low, a_high), (b, b_low, b_high) = first, second
     value = b - a
@@ -355,9 +355,9 @@ def _weibull_mean(measured: Measured) -> Estimate:
 
 OF_CENSORED = {"restricted_mean": _restricted_mean, "weibull_mean": _weibull_mean}
 SUMMARIES: Mapping[str, Callable[[Measured], Estimate]] = {"mean": _mean, "median": _median, **OF_CENSORED}
-"""Estimates of `summarize` for a point, by their names in JSON and CSV, and those shown where trials are censored.
+"""Estimates of `summarize` for a point, by their names in JSON and CSV; `OF_CENSORED` are shown if any are censored.
 
-What makes no sense of a measure is undetermined, and has no name.
+An estimate that is not defined for a measure is undetermined, and has no name.
 """
 
 
@@ -366,12 +366,12 @@ class PointSummary(NamedTuple):
 
     point: int
     axes: dict[str, Any]
-    trials: int  # number of trials that have a result; of a measure, a value
+    trials: int  # number of trials that have a result, or a value of the measure
     censored: float  # share of these trials that is censored; 0 without trials
     estimates: dict[str, Estimate]
     """The statistics, by the names in `SUMMARIES`; a mean of truth values is the share that is true."""
     horizon: float
-    """Limit of cycles of T_sync, or the longest trial where some were censored before this limit; inf of a measure."""
+    """Limit of cycles of T_sync, or the longest trial where some were censored before this limit; inf for a measure."""
     is_share: bool = False  # whether the mean is the share of trials in which a truth value is true
 
     def record(self) -> dict[str, Any]:
@@ -384,12 +384,12 @@ class Summaries(list[PointSummary]):
     """The statistics of the points of a sweep; notebooks show them as a table."""
 
     def __init__(self, points: Sequence[PointSummary], label: str) -> None:
-        """Take the points, and the label of what is estimated."""
+        """Store the points, and the label of the estimated quantity."""
         super().__init__(points)
         self.label = label
 
     def table(self, folder: str = "") -> Table:
-        """Return a table of the statistics that say something of some points."""
+        """Return a table of the statistics that apply to some of the points."""
         names = self._applicable()
         is_time = any(point.horizon < math.inf for point in self)
         rows = []
@@ -401,7 +401,7 @@ class Summaries(list[PointSummary]):
         return Table(title, rows, self._notes(), names)
 
     def _applicable(self) -> dict[str, str]:
-        """Return the headings of the statistics, by name: where nothing is censored, a mean has but one name."""
+        """Return the headings of the statistics that apply, by name; if nothing is censored, there is only one mean."""
         is_censored = any(point.censored for point in self)
         names = {name: each.name for point in reversed(self) for name, each in point.estimates.items() if each.name}
         if not is_censored:
@@ -426,7 +426,7 @@ class Summaries(list[PointSummary]):
 
 
 def summarize(points: Sequence[PointTrials]) -> Summaries:
-    """Return the statistics of T_sync, or of the measure that `read_points` was asked for, at each point.
+    """Return the statistics of T_sync, or of the measure that was requested from `read_points`, at each point.
 
     Equal results give equal numbers.
 

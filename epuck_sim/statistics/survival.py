@@ -1,9 +1,8 @@
-"""Synchronisation times of which some are censored (thesis Appendix A).
+"""Synchronisation times, some of which are censored (thesis Appendix A).
 
-T_sync is counted in whole cycles. A trial that is not synchronised at its limit is censored there: all that is known of
-its T_sync is that it is longer. Throughout, `times` is (n,) cycles, finite and not negative, and `observed` (n,), True
-where the trial has synchronised. Of two trials with equal times, one synchronised and one censored, the censored one
-was still at risk.
+T_sync is counted in whole cycles. A trial that is not synchronised at its limit is censored there: its T_sync is only
+known to be longer. Throughout, `times` is (n,) cycles, finite and not negative, and `observed` (n,), True where the
+trial has synchronised. If a synchronised and a censored trial have equal times, the censored one was still at risk.
 """
 
 import math
@@ -20,7 +19,7 @@ from epuck_sim.estimate import LEVEL
 QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)  # number of standard errors that an interval reaches either way
 
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
-_MANY_TRIALS = 10_000  # of more, in few kinds, numbers of each kind are drawn at once: as likely as trial by trial
+_MANY_TRIALS = 10_000  # of more trials, in few kinds, numbers of each kind are drawn at once: the same distribution
 _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above or below
 
 
@@ -51,7 +50,7 @@ def make_sample(times: npt.ArrayLike, observed: npt.ArrayLike) -> Sample:
 
 
 def make_curves(sample: Sample, counts: IntArray) -> SurvivalCurves:
-    """Return the estimates of samples whose cells hold other numbers of trials, counts (B, m)."""
+    """Return the estimates of B samples whose cells hold these numbers of trials, counts (B, m)."""
     at_risk = counts[:, ::-1].cumsum(axis=1)[:, ::-1][:, sample.observed]
     events = counts[:, sample.observed]
     survival = np.ones((len(counts), events.shape[1] + 1))
@@ -66,7 +65,7 @@ def make_curve(times: npt.ArrayLike, observed: npt.ArrayLike) -> SurvivalCurves:
 
 
 def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> Iterator[IntArray]:
-    """Yield how many trials of each kind are in as many trials drawn with replacement (Efron 1979), block by block.
+    """Yield the number of trials of each kind in resamples, drawn with replacement (Efron 1979), block by block.
 
     `cells` are the kinds of n trials, (n,), from 0. The counts of a block are (b, kinds); the b of all blocks add up to
     `resamples`.
@@ -87,7 +86,7 @@ def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> I
 def resampled_curves(
     times: npt.ArrayLike, observed: npt.ArrayLike, resamples: int, seed: int
 ) -> Iterator[SurvivalCurves]:
-    """Yield the estimates of as many trials drawn with replacement, block by block, whatever their order."""
+    """Yield the estimates of resamples, block by block; they do not depend on the order of the trials."""
     sample = make_sample(times, observed)
     for counts in resample_counts(sample.cell, len(sample.times), resamples, seed):
         yield make_curves(sample, counts)
@@ -96,10 +95,10 @@ def resampled_curves(
 def median_time(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[float, float, float]:
     """Return the median T_sync and the lower and upper end of its confidence interval, cycles; inf if not reached.
 
-    The median is the first time with R < 1/2, or halfway to it from that with R = 1/2: uncensored it is that of the
-    sample. The interval is from the first time when the lower confidence limit of R is at most 1/2 to that when the
-    upper one is (Brookmeyer and Crowley 1982); the limits are symmetrical in log(-log R), of which Greenwood (1926)
-    gives the variance.
+    The median is the first time with R < 1/2, or the middle between it and the time with R = 1/2; without censoring it
+    is the sample's. The interval is from the first time when the lower confidence limit of R is at most 1/2 to the
+    first when the upper one is (Brookmeyer and Crowley 1982); the limits are symmetrical in log(-log R), whose variance
+    is Greenwood's (1926).
     """
     curve = make_curve(times, observed)
     n, d, survival = curve.at_risk[0], curve.events[0], curve.survival[0, 1:]
@@ -120,7 +119,7 @@ def medians(curves: SurvivalCurves) -> FloatArray:
 def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:
     """Return the means, (B,) cycles, of the lesser of T_sync and `horizon`: the areas under R up to there (Irwin 1949).
 
-    Where the longest trial is censored before the horizon, R is taken to stay as it is there.
+    If the longest trial is censored before the horizon, R is taken as constant after it.
     """
     edges = np.concatenate([[0.0], np.minimum(curves.times, horizon), [horizon]])
     return curves.survival @ np.diff(edges)
@@ -137,7 +136,7 @@ def weibull_mean(times: npt.ArrayLike, observed: npt.ArrayLike) -> float:
     """Return the mean T_sync by Appendix A, cycles; NaN where it is undetermined.
 
     It is undetermined if fewer than `MIN_UNCENSORED` of the trials are uncensored, or if no Weibull distribution fits:
-    that takes two distinct event times above 0, of which that of a single trial that brings R to 0 is none. But if all
+    a fit takes two distinct event times above 0, not counting one at which a single trial brings R to 0. But if all
     trials synchronised at one time, that time is the mean.
 
     >>> weibull_mean([20, 20, 20], [True, True, True])
@@ -153,10 +152,10 @@ def weibull_mean(times: npt.ArrayLike, observed: npt.ArrayLike) -> float:
 def weibull_resamples(
     times: npt.ArrayLike, observed: npt.ArrayLike, resamples: int = 1000, seed: int = 0
 ) -> FloatArray:
-    """Return Appendix A's mean, (resamples,) cycles, of as many trials drawn with replacement (Efron 1979).
+    """Return Appendix A's mean, (resamples,) cycles, of resamples drawn with replacement (Efron 1979).
 
-    A mean that is undetermined is inf, longer than can be said, if trials of the resample are censored, else NaN.
-    Equal seeds give equal means, in whatever order the trials come.
+    An undetermined mean is inf, as too long to be determined, if trials of the resample are censored, else NaN. Equal
+    seeds give equal means, whatever the order of the trials.
     """
     curve = make_curve(times, observed)
     starts = local_fits(curve)
@@ -167,7 +166,7 @@ def weibull_resamples(
 
 
 def confidence_interval(means: FloatArray) -> tuple[float, float]:
-    """Return the 95 % percentile interval, cycles, of bootstrap means, (b,): two of them, rounded outwards.
+    """Return the 95 % percentile interval, cycles, of bootstrap means, (b,); its ends are two of these, outwards.
 
     Either end may be inf. NaN are left out, as they carry no information; if all are NaN, so are both ends.
     """
@@ -209,8 +208,8 @@ def points_to_fit(curves: SurvivalCurves) -> tuple[FloatArray, FloatArray, Float
     """Return the points to fit: x, (k,), their weights, (B, k), and R, (B, k).
 
     Appendix A multiplies R trial by trial: d trials with one time are d points, with R from (n - 1) / n to (n - d) / n
-    of that before. Their squares add up, but for a constant, to d times the square at their mean. At time 0 every
-    Weibull distribution has R = 1, so that points there do not matter.
+    of the R before. Up to a constant, their squares add up to d times the square at their mean. At time 0 every Weibull
+    distribution has R = 1, so that points there do not matter.
     """
     later = curves.times > 0
     n, d, before = curves.at_risk[:, later], curves.events[:, later], curves.survival[:, :-1][:, later]
@@ -218,7 +217,7 @@ def points_to_fit(curves: SurvivalCurves) -> tuple[FloatArray, FloatArray, Float
 
 
 def starting_lines(curve: SurvivalCurves, points: int) -> FloatArray:
-    """Return the rising lines, (s, 2), through each two of up to `points` points of one sample, early to late."""
+    """Return the rising lines, (s, 2), through each pair of up to `points` points of one sample, early to late."""
     x, _, survival = points_to_fit(curve)
     chosen = np.unique(np.linspace(0, max(len(x) - 1, 0), min(len(x), points)).round().astype(int))
     x, y = x[chosen], np.log(-np.log(np.maximum(survival[0, chosen], 0.01)))  # no line reaches R = 0
@@ -248,12 +247,12 @@ def fit_lines(
 ) -> tuple[FloatArray, FloatArray]:
     """Fit a line to each sample by Newton's method, all at once; a step is halved until the squares fall.
 
-    Points are at x, (k,), the log of the event times, with R there, (B, k), which is that of so many trials, (B, k);
-    a fit begins at a line of `starts`, (B, 2). Returned are the lines with the least squares, (B, 2), and these
-    squares, (B,); NaN and inf where no fit converges.
+    Points are at `x`, (k,), the log of the event times, with R in `survival`, (B, k), and numbers of trials in
+    `weights`, (B, k); fits begin at the lines `starts`, (B, 2). Returned are the lines with the least squares, (B, 2),
+    and these squares, (B,); NaN and inf where no fit converges.
     """
     lines, least = np.full((len(starts), 2), np.nan), np.full(len(starts), math.inf)
-    # Two parameters need two points. With only one above R = 0, the steeper a line through it, the better it fits. With
+    # Two parameters need two points. With only one above R = 0, the fit is better the steeper a line through it. With
     # two, neither a step nor a constant is best, so that the slope of the best line is finite.
     rows = np.flatnonzero(((weights > 0) & (survival > 0)).sum(axis=1) >= 2)
     weights, survival = weights[rows], survival[rows]
