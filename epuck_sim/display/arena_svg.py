@@ -31,8 +31,8 @@ MIN_HEIGHT = 0.1  # height of the picture of a segment, whose own is 0, as a sha
 def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on: BoolArray) -> Element:
     """Return a picture of an arena, with y upwards, and of robots or agents.
 
-    Poses are (n, 3) cm, cm, rad; headings may be NaN, and places of those that are not drawn. There is a radius for
-    each, (n,), or one for all, and whether its ring is lit, (n,).
+    Poses are (n, 3) cm, cm, rad; headings may be NaN, and places are NaN for those that are not drawn. Radii are (n,),
+    or one for all; `ring_on` is (n,), whether each ring is lit.
     """
     width = arena.width_cm
     height = max(arena.height_cm, MIN_HEIGHT * width)
@@ -90,7 +90,7 @@ def _grey(brightness: float) -> str:
 
 
 def _png_address(levels: ByteArray) -> str:
-    """Return (rows, columns) grey levels as a PNG in an address, as pages have it without a file beside them."""
+    """Return (rows, columns) grey levels as the address of a PNG that holds its data, so that no file is needed."""
     rows, columns = levels.shape
     lines = np.hstack([np.zeros((rows, 1), np.uint8), levels])  # each begins with the number of its filter: none
     header = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)

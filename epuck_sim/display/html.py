@@ -97,7 +97,7 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 
 def write_html(path: Path | str, make: Callable[[], str]) -> None:
-    """Write the page that is made once its file is known to be writable; raise EpuckSimError if it is not."""
+    """Make a page and write it, once its file is known to be writable; raise EpuckSimError if it is not."""
     target = Path(path)
     if target.suffix not in (".html", ".htm"):
         raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .html")

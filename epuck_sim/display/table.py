@@ -1,4 +1,4 @@
-"""A table of estimates, and what it is for readers and programs: a terminal, HTML, notebooks, JSON and CSV.
+"""A table of estimates, and its forms for people and programs: a terminal, HTML, notebooks, JSON and CSV.
 
 Cells are estimates, numbers, shares, texts, or None where there is nothing to show.
 """
@@ -23,7 +23,7 @@ POINT = "point"  # column with the number of a point, the first to be left out w
 
 
 class Share(float):
-    """A share, which people read in per cent."""
+    """A share, which is shown to people in per cent."""
 
 
 class Row(NamedTuple):
@@ -42,7 +42,7 @@ class Row(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Rows that are alike, and what is to be said of them."""
+    """Rows with the same cells, and a title and notes on them."""
 
     title: str
     rows: Sequence[Row]
@@ -67,7 +67,7 @@ class Table(NamedTuple):
         return csv_text((*axes[0], *records[0]) if records else (), rows)
 
     def to_html(self) -> Element:
-        """Return the table and what is to be said of it."""
+        """Return the table and its notes."""
         columns = _columns(self)
         rows = zip(*(column.texts for column in columns), strict=True)
         made = element("div", html_table([column.heading for column in columns], rows), class_="scroll")
@@ -79,8 +79,8 @@ class Table(NamedTuple):
     def to_text(self, width: int | None = None) -> str:
         """Return the table as a terminal shows it: no number is broken, whatever the terminal's width.
 
-        Columns that the others tell, those with one value or tied one-to-one to another axis, are named above. Where
-        the rest is too wide, it comes in parts below each other, each with the columns that tell the rows apart.
+        Columns with one value, or tied one-to-one to another axis, are named above the table. If the rest is too wide,
+        it comes in parts below each other, each with the columns that tell the rows apart.
         """
         columns = _columns(self)
         kept, said = _without_told(columns) if len(self.rows) > 1 else (columns, [])
@@ -161,7 +161,7 @@ def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
 
 
 def csv_cell(value: Any, digits: int = CSV_DIGITS) -> Any:
-    """Return a number with the digits of CSV, and nothing for one that is not finite; anything else as it is.
+    """Return a number with the digits of CSV, empty text if it is not finite; anything else as it is.
 
     >>> csv_cell(1234.56789), csv_cell(1234567), csv_cell(float("nan")), csv_cell("mean")
     ('1234.57', 1234567, '', 'mean')
@@ -187,11 +187,11 @@ def _columns(table: Table) -> list[_Column]:
     for name, heading in headings.items():
         values = [row.cells[name] for row in table.rows]
         cells.append(_Column(heading, values, list(map(cell_text, values)), False))
-    return sorted([*axes, *cells], key=lambda column: column.heading != POINT)  # which stays sorted otherwise
+    return sorted([*axes, *cells], key=lambda column: column.heading != POINT)  # others keep their order
 
 
 def _without_told(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
-    """Return the columns that the others do not tell, and what is to be said of those left out."""
+    """Return the columns that do not follow from others, and texts on those left out."""
     kept: list[_Column] = []
     said: list[str] = []
     patterns: dict[tuple[int, ...], _Column] = {}
@@ -212,7 +212,7 @@ def _without_told(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
 
 
 def _without_points(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
-    """Return the columns without the numbers of the points, where these only count."""
+    """Return the columns without the numbers of the points if these only count up, and texts on those left out."""
     point, *others = columns
     first, last = point.cells[0], point.cells[-1]
     if point.heading == POINT and point.cells == [*range(first, last + 1)]:
@@ -239,7 +239,7 @@ def _parts(columns: list[_Column], width: int | None) -> list[list[_Column]]:
 
 
 def _lines(columns: Sequence[_Column]) -> list[str]:
-    """Return a heading, whose words are below each other where cells are narrow, a line, and a line for each row."""
+    """Return the lines of a heading, whose words are below each other if cells are narrow, a rule, and the rows."""
     headings = [textwrap.wrap(column.heading, column.least) for column in columns]
     height = max(map(len, headings))
     above = [[""] * (height - len(lines)) + lines for lines in headings]

@@ -36,7 +36,7 @@ UNITS = {"cm_s": "cm/s", "cm": "cm", "ms": "ms", "s": "s", "deg": "°", "rad": "
 UNIT_ENDING = re.compile(rf"(.+)_({'|'.join(UNITS)})")
 
 FILE = re.compile(r"(?:.*/)?([^/]+)\.(?:py|c)(?::(\w+))?")
-"""A user's file as the value of a key, and what is taken from it."""
+"""A user's file as the value of a key, and the name of an object in it."""
 
 FOLDER = "folder"  # axis of points of several run folders, whose values are the folders' names
 
@@ -49,7 +49,7 @@ NO_LABELS: Mapping[str, str] = MappingProxyType({})
 
 
 def statistic_label(names: Iterable[str], label: str) -> str:
-    """Return the label of statistics of what has this label; means, restricted or not, go without saying.
+    """Return the label for statistics of a quantity with this label; means, restricted or not, are not named.
 
     >>> statistic_label(["mean", "restricted mean"], "T_sync (cycles)"), statistic_label(["median"], "way")
     ('T_sync (cycles)', 'median of way')
@@ -66,8 +66,8 @@ def undetermined_label(of: str | None) -> str:
 def key_name(key: str, among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS) -> str:
     """Return the thesis's symbol for a dotted key, or the last part of the key.
 
-    Where one of the keys `among` which it stands has the same symbol, it says what it is of. Labels in `own` are a
-    user's; a unit in brackets at their end is left out.
+    If one of the keys `among` has the same symbol, the key's section is named, too. Labels in `own` are a user's; a
+    unit in brackets at their end is left out.
 
     >>> key_name("robots.0.parameters.speed_cm_s"), key_name("stop.max_time_s")
     ('V', 'max time')

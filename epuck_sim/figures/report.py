@@ -92,7 +92,7 @@ def _sections(folder: Path | str, status: Status) -> Iterator[Node]:
 
 
 def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[Node]:
-    """Yield a figure with a caption below it, and what theory predicts; nothing where the form does not fit."""
+    """Yield a figure, with predictions for T_sync, and a caption below it; nothing if the form does not fit."""
     figure = points[0].scenario.figure.model_copy(update={"theory": points[0].of is None})
     first = points[0]._replace(scenario=points[0].scenario.model_copy(update={"figure": figure}))
     try:

@@ -63,7 +63,7 @@ def save_figure(
     """Write the pictures of a figure, and its tables and caption beside them, and return the files, pictures first.
 
     Tables are CSV, by the endings of their files. `draw` is called once all files are known to be writable; equal
-    results give equal files. EpuckSimError is raised if one of them cannot be written; then none is, and older ones
+    results give equal files. EpuckSimError is raised if a file cannot be written; then none is written, and older files
     stay.
     """
     texts = {**tables, **({CAPTION: f"{caption}\n"} if caption else {})}
@@ -83,13 +83,13 @@ def save_figure(
 
 
 def to_svg(figure: Figure, name: str) -> Element:
-    """Return a figure as a part of a page; its ids begin with `name`, so that they are its own there."""
+    """Return a figure as a part of a page; its ids begin with `name`, so that they are unique there."""
     drawn = io.StringIO()
     nothing: Any = dict.fromkeys(("Creator", "Date", "Format", "Type"))
     _render(figure, drawn, "svg", nothing)
     root = ElementTree.fromstring(drawn.getvalue())
     for defs in root.findall(f"{SVG}defs"):
-        for style in defs.findall(f"{SVG}style"):  # would hold for the whole page
+        for style in defs.findall(f"{SVG}style"):  # a style element would hold for the whole page
             root.set("style", str(style.text).removeprefix("*{").removesuffix("}"))
             defs.remove(style)
     for each in root.iter():
@@ -119,7 +119,7 @@ def _render(figure: Figure, target: Any, kind: str, metadata: Any) -> None:
 
 
 def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> str:
-    """Return groups as CSV: of each its axis values, by key, and columns of one length, by heading."""
+    """Return groups as CSV; each has axis values, by key, and columns of equal length, by heading."""
     every = list(groups)
     rows = (
         [*axes.values(), *map(csv_cell, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)

@@ -1,4 +1,4 @@
-"""The looks that figures have in common: sizes, panels, titles and legends, colours and markers of lines."""
+"""The style that figures have in common: sizes, panels, titles and legends, colours and markers of lines."""
 
 import math
 import re
@@ -22,14 +22,14 @@ from epuck_sim.scenario.axes import is_logarithmic as spans_decades
 from epuck_sim.util.messages import counted
 
 COLUMN_CM, PAGE_CM = 8.5, 17.5
-"""Widths of a column and of a page of two columns, cm: of a figure with one panel, and with several."""
+"""Widths, cm, of a column, for a figure with one panel, and of a page of two columns, for one with several."""
 
 MIN_PANEL_CM = 4.0  # smallest width of a panel, cm; narrower ones have no room for their numbers
 MAX_PANELS = 64  # largest number of panels of a figure; one with more is neither legible nor quickly drawn
 LETTERS_PER_CM = 52.0  # number of letters of one point on a centimetre
 BAND = 0.15  # opacity of bands
 BAR, BAR_ASPECT = 0.05, 25  # width of a colour bar as a share of the figure's, and its height over its width
-GREY = "0.35"  # colour of marks in legends that many curves have
+GREY = "0.35"  # colour of legend marks that stand for many curves
 
 COLOURS = ("#002dc3", "#ff5a00", "#690f00", "#1e96ff", "#c300a5", "#87784b", "#d27896", "#3c2d4b")
 """Colours of curves, without a green. A search found them: each has a contrast of at least 3 with white, and any two
@@ -39,8 +39,8 @@ MARKERS = ("o", "s", "D", ">", "P", "<", "p", "*")
 """Markers of curves; triangles that point up and down, and crosses, have meanings of their own."""
 
 MARKER_DISTANCE, MARKER_SHIFT = 0.2, 0.03
-"""Distance from one marker of a line to the next, and from those of one line to those of the next, relative to the
-panel's diagonal."""
+"""Distance between two markers of a line, and shift of the markers from one line to the next, relative to the panel's
+diagonal."""
 
 NAMES = re.compile(r"\b([TV])_(sync|cens|m|p)\b")  # quantities of the thesis that are written with an index
 
@@ -83,7 +83,7 @@ def typeset(text: str) -> str:
 
 
 def count_trials(trials: Sequence[int]) -> str:
-    """Return how many trials points have, as titles say it.
+    """Return the number of trials at points, as text for titles.
 
     >>> count_trials([20, 20]), count_trials([5, 20]), count_trials([1])
     ('20 trials a point', '5 to 20 trials a point', '1 trial a point')
@@ -130,12 +130,12 @@ def make_panels(
 
 
 def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
-    """Add a legend below the panels, and make the figure so high that each is `shape` times as high as it is wide.
+    """Add a legend below the panels, and set the figure's height so that each is `shape` times as high as it is wide.
 
-    A panel whose vertical label would not fit beside it is as high as that.
+    Panels are at least as high as their vertical labels.
     """
     for panel in panels:
-        # matplotlib would choose as many ticks as labels of its own size have room when the figure is saved
+        # or matplotlib would, when the figure is saved, choose as many ticks as fit with labels of its own size
         panel.tick_params(labelsize=rcParams["xtick.labelsize"])
     add_shared_legend(figure, panels)
     width, height = figure.get_size_inches()
@@ -152,9 +152,9 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
 
 
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
-    """Add a legend below the panels that names each label of any of them once, in as many columns as have room.
+    """Add a legend below the panels with each of their labels once, in as many columns as have room.
 
-    Each label has one line; one that is wider than the figure loses its middle, unless it is told by that.
+    A label that is wider than the figure loses its middle, but if this makes labels equal, they are wrapped instead.
     """
     handles: dict[str, Any] = {}
     for panel in panels:
@@ -204,7 +204,7 @@ def choose_looks(count: int) -> list[Look]:
 
 
 def draw_course(panel: Axes, x: FloatArray | IntArray, values: FloatArray, place: int, look: Look, label: str) -> None:
-    """Draw a line over time, (n,), with few markers, which no two lines of different places have at one place."""
+    """Draw a line over time, (n,), with few markers; lines with different `place` have them at different places."""
     # matplotlib cannot space markers on a line without any point
     every = (place * MARKER_SHIFT, MARKER_DISTANCE) if np.isfinite(values).any() else None
     panel.plot(x, values, color=look.colour, marker=look.marker, markevery=every, label=label or None)
@@ -216,7 +216,7 @@ PLAIN = (1e-3, 1e5)  # ends of the range whose numbers are written out; where a 
 def draw_intervals(
     panel: Axes, x: FloatArray | IntArray, low: FloatArray, high: FloatArray, colour: str, label: str = ""
 ) -> None:
-    """Draw intervals as a band, and those without a neighbour, where a band has no area, as bars; NaN where none is."""
+    """Draw intervals as a band, but as bars where they have no neighbour, as a band has no area there; NaN for none."""
     panel.fill_between(x, low, high, color=colour, alpha=BAND, linewidth=0, label=label)
     known = np.pad(~np.isnan(low + high), 1)
     alone = known[1:-1] & ~known[:-2] & ~known[2:]
@@ -230,9 +230,9 @@ def is_logarithmic(key: str, values: FloatArray) -> bool:
 
 
 def has_log_scale(of: str | None, values: FloatArray, scale: str | None = None) -> bool:
-    """Return whether values, (n,), have a logarithmic scale: those of T_sync, and of a measure that are far apart.
+    """Return whether values, (n,), have a logarithmic scale: T_sync has, and a measure if its values are far apart.
 
-    A `scale`, `linear` or `log`, decides; EpuckSimError is raised if it is `log`, and not all values are positive.
+    If `scale` is given, `linear` or `log`, it decides; EpuckSimError is raised for `log` if not all are positive.
     """
     known = values[np.isfinite(values)]
     if scale == "log" and (known <= 0).any():

@@ -51,7 +51,7 @@ def plot(
         names: Name of each of several folders in the figure; their own by default.
         ax: Axes to draw into, one for each panel. They get neither title nor legend, but all marks have labels, which
             `ax.legend()` shows. By default there is a new figure with a legend.
-        options: Keys of the section `figure` of scenarios, which counts for all others: `form`, `x`, `y`, `panels`,
+        options: Keys of the section `figure` of scenarios, instead of the scenario's own: `form`, `x`, `y`, `panels`,
             `statistic`, `censored_at_cycles`, `title`, `labels`, `scale`, `points`, `theory`, `width_cm` and `font_pt`.
 
     Returns:
@@ -117,13 +117,13 @@ def _with_full_keys(given: Mapping[str, Any], points: Sequence[PointTrials], pre
     full: dict[str, Any] = {
         name: axis_key(given[name], rows, f"{prefix}{name}") for name in ("x", "y", "panels") if name in given
     }
-    if isinstance(given.get("labels"), Mapping):  # or it is refused where it is validated
+    if isinstance(given.get("labels"), Mapping):  # otherwise validation refuses it
         full["labels"] = {axis_key(key, rows, f"{prefix}label"): text for key, text in given["labels"].items()}
     return {**given, **full}
 
 
 def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence[str]) -> list[PointTrials]:
-    """Return the points of run folders; those of several have the folder's name as an axis."""
+    """Return the points of run folders; if there are several, the folder's name is an axis."""
     sweeps = [read_points(folder, of) for folder in folders]
     if len(folders) == 1 and not names:
         return sweeps[0]
@@ -167,7 +167,7 @@ def _usual_form(points: Sequence[PointTrials]) -> str:
 
 
 def _check_fit(points: Sequence[PointTrials], form: str, given: Mapping[str, object]) -> None:
-    """Raise EpuckSimError for a form that does not fit the measure, or T_sync, and for options that do not fit it."""
+    """Raise EpuckSimError if a form does not fit the measure, or T_sync, or if options do not fit the form."""
     of, is_series = points[0].of, any(map(has_series, points))
     mistakes: dict[str, object] = {
         "--form series is for measures: give --of NAME": of is None and form == "series",

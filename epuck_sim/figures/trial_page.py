@@ -30,7 +30,7 @@ from epuck_sim.util.builtin import ARENAS, builtin_files
 RED = "#dc2828"  # colour of rings that are lit, and of flashes
 DARK = "#8a8f98"  # colour of rings that are dark
 INNER_SHARE = 0.88  # radius of the white line within the coloured edge of a disc, as a share of its radius
-MAX_VECTOR_MARKS = 5_000  # largest number of marks that an SVG holds one by one; more of them are a picture in it
+MAX_VECTOR_MARKS = 5_000  # largest number of marks that an SVG holds one by one; more are embedded as a picture
 
 MARGINS = {"left": 0.08, "right": 0.985, "bottom": 0.14}  # where the panels begin and end, as shares of the page
 TOP = 0.89  # where the panels end below a title of one line, as a share of the page
@@ -53,9 +53,9 @@ def check_drawable(recorded: Recorded, origin: str) -> None:
 
 
 def draw_page(recorded: Recorded) -> Figure:
-    """Draw the arena when most rings were lit for the last time, on the left, and courses over time, on the right.
+    """Draw the arena at the last moment when most rings were lit, on the left, and courses over time, on the right.
 
-    Without flashes and oscillators there are no courses, and the arena has the page for itself.
+    Without flashes and oscillators there are no courses, and the arena fills the page.
     """
     population = population_of(recorded.scenario)
     has_oscillators = not np.isnan(population.period_ms).all()
@@ -64,7 +64,7 @@ def draw_page(recorded: Recorded) -> Figure:
     figure.suptitle(title, y=0.985, fontsize="medium", parse_math=False)
     courses = [_draw_flashes] if has_oscillators or len(recorded.flash_s) else []
     courses += [_draw_phases, _draw_order] if has_oscillators else []
-    # matplotlib's own solver of layouts gives other last digits from time to time
+    # matplotlib's own layout solver does not always give the same last digits
     top = TOP - LINE_HEIGHT * title.count("\n")
     widths = [1, 1.25] if courses else [1]
     sides = figure.add_gridspec(1, len(widths), **MARGINS, top=top, width_ratios=widths, wspace=0.2)
@@ -90,7 +90,7 @@ def _draw_flashes(axes: Axes, recorded: Recorded, population: Population) -> Non
 
 
 def _draw_phases(axes: Axes, recorded: Recorded, population: Population) -> None:
-    """Draw the phases relative to that of the reference whenever this fires; those of a synchronised swarm are 0."""
+    """Draw the phases relative to that of the reference at its firings; those of a synchronised swarm are 0."""
     ahead = phase_lead(recorded.phase_ms[np.searchsorted(recorded.time_s, recorded.firing_s)], population)
     is_picture = ahead.size > MAX_VECTOR_MARKS
     for lead, colour in zip(ahead.T, robot_colours(population), strict=True):
@@ -129,10 +129,10 @@ def draw_arena(axes: Axes, recorded: Recorded, population: Population) -> None:
 def _robots(
     recorded: Recorded, population: Population, rows: slice
 ) -> Iterator[tuple[int, FloatArray, FloatArray, str]]:
-    """Yield of each robot or agent its number, path, (points, 3) s, cm, cm: time, x, y, colour and the ring's colour.
+    """Yield for each robot or agent its number, path, (points, 3) s, cm, cm: time, x, y, colour and its ring's colour.
 
-    Paths are NaN where they have gaps. Those of robots, and of agents in a cube, of whose headings only the horizontal
-    part is known, go from row to row.
+    Paths are NaN where they have gaps. Paths of robots go straight from row to row, and so do those of agents in a
+    cube, as only the horizontal part of their headings is known.
     """
     scenario, time_s = recorded.scenario, recorded.time_s[rows]
     for number, colour in enumerate(robot_colours(population)):
@@ -195,7 +195,7 @@ def robot_colours(population: Population) -> FloatArray:
 
 
 def page_title(recorded: Recorded, *, has_oscillators: bool) -> str:
-    """Return the title: scenario, seed and outcome, and a second line if the scenario is not as it is known."""
+    """Return the title: scenario, seed and outcome, and further lines on how the scenario was changed, if it was."""
     if recorded.synchronised:
         outcome = f"synchronised after {recorded.cycles} cycles"
     elif recorded.scenario.stop.order_parameter is None and has_oscillators:
@@ -231,7 +231,7 @@ TOLERANCE = 1e-4
 """Largest deviation from a straight path, as a share of the side; positions are recorded in single precision."""
 
 REGULAR_SHARE = 0.5
-"""Share of the longest time between two rows that two rows must be apart for a speed to be measured between them."""
+"""Shortest time between two rows from which a speed is measured, as a share of the longest time between two rows."""
 
 
 def agent_path(
@@ -274,7 +274,7 @@ def _measure_speed(time_s: FloatArray, positions: Float32Array, cycle_cm: float)
 def _detour(
     start: FloatArray, end: FloatArray, direction: FloatArray, speed: float, side_cm: float, *, is_cyclic: bool
 ) -> FloatArray:
-    """Return (points, 3) what lies between two points, (3,) s, cm, cm, that no straight line joins."""
+    """Return the (points, 3) path between two points, (3,) s, cm, cm, which no straight line joins."""
     gap = np.full(3, np.nan)
     wall = _meet_wall(start, direction, speed, side_cm)
     if wall[0] > end[0]:  # it has turned, or become slower, before it could meet a wall; or has met another

@@ -53,7 +53,7 @@ class Curves(Form):
     axis: str  # dotted key of the horizontal axis
     curves: Sequence[Curve]
     split_by: str | None = None  # dotted key of the axis that has a panel for each of its values; None for one panel
-    others: list[FloatArray] = field(default_factory=list)  # further values for which panels have room
+    others: list[FloatArray] = field(default_factory=list)  # further values for which panels must have room
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
@@ -117,7 +117,7 @@ class Curves(Form):
 
     @property
     def notes(self) -> Sequence[str]:
-        """Why there are no bands or marks, where there cannot be any."""
+        """Reasons why there are no bands or marks, if there can be none."""
         searched = zip(self.curves, self.searches, strict=True)
         many = (search.reason for curve, search in searched if len(curve.x) >= MIN_SPEEDS)  # few are plain to see
         reasons = [each for each in dict.fromkeys(many) if each not in ("", NOT_A_SPEED.reason)]
@@ -155,7 +155,7 @@ class Curves(Form):
                 _make_room(panel, highest, CROSS_ROW * (len(crossed) + 0.8) if crossed else 0.0)
 
     def _ends(self) -> tuple[float, float]:
-        """Return the highest value, -inf without any, and how far up bands are drawn whose end is not reached."""
+        """Return the highest value, -inf without any, and the upper end of bands that have no known end."""
         dots = [each.values for curve in self.curves for each in curve.measured if self.settings.points]
         values = np.concatenate([joined(self.curves, "values"), *dots, *self.others])
         known = values[np.isfinite(values)]
@@ -188,7 +188,7 @@ def curves_table(axis: str, curves: Sequence[Curve]) -> str:
 
 
 def _extrema_row(curve: Curve, search: ExtremaSearch) -> Row:
-    """Return the pair of a curve, with the p-value alone where it may be noise, or why there is none."""
+    """Return a curve's row: minimum and peak with p-value, the p-value alone if they may be noise, or the reason."""
     places = {name.lower(): search.places[name].estimate if search.places else UNDETERMINED for name in PLACES}
     return Row(curve.axes, {**places, "p_value": search.p_value, "reason": search.reason})
 
@@ -212,7 +212,7 @@ def is_base_case(curve: Curve) -> bool:
 
 
 def _make_room(panel: Axes, highest: float, share: float) -> None:
-    """End the vertical scale so high that the highest value stays below this upper share of the panel."""
+    """Raise the end of the vertical scale so that this upper share of the panel is above the highest value."""
     bottom, top = panel.get_ylim()
     if panel.get_yscale() == "log":
         reach = bottom * math.exp(math.log(1.15 * highest / bottom) / (1 - share))
@@ -244,7 +244,7 @@ MAX_LINES = 20  # largest number of lines; more of them are hard to distinguish
 
 @dataclass(kw_only=True)
 class Series(Form):
-    """The mean over the cycles at each point, in its 95 % band; dashed where some trials have ended before."""
+    """A line for each point: the mean at each cycle in its 95 % band, dashed where some trials have ended before."""
 
     name = "series"
 

@@ -33,7 +33,7 @@ class Choices:
     prefix: str = ""  # what the names of options begin with in messages: `--` on the command line
 
     def axis(self, name: str, taken: str | None = None) -> tuple[str | None, str]:
-        """Return the axis that a key of the section asks for, if not `taken`, and what messages call this choice."""
+        """Return the axis that a key of the section names, if not `taken`, and the name of the choice in messages."""
         key = getattr(self.section, name)
         if name in self.given:
             return key, f"{self.prefix}{name}"
@@ -44,12 +44,12 @@ class Choices:
 class Form(ABC):
     """A way to draw a sweep, with what it shows."""
 
-    name: ClassVar[str]  # what `--form` calls it
+    name: ClassVar[str]  # its name for `--form`
     shape: ClassVar[float] = 0.72  # height of a panel over its width
 
     of: str | None = None  # name of the measure; None for T_sync
     unit: str = ""
-    ran: str = ""  # what was run, as captions say it
+    ran: str = ""  # what was run, as text for captions
     settings: FigureSection = field(default_factory=FigureSection)
 
     @classmethod
@@ -65,7 +65,7 @@ class Form(ABC):
     @property
     @abstractmethod
     def labels(self) -> Sequence[str]:
-        """Labels of the horizontal and of the vertical axis; several vertical ones are of panels below each other."""
+        """Labels of the horizontal and of the vertical axis; with several vertical ones, panels are stacked."""
 
     @property
     @abstractmethod
@@ -120,7 +120,7 @@ class Form(ABC):
         return self.settings.labels.get(self.of or "T_sync") or quantity(self.of, self.unit)
 
     def label_of(self, key: str, among: Collection[str]) -> str:
-        """Return the label of an axis of the figure that stands beside other keys."""
+        """Return the label of an axis of the figure, which names its section if others share its symbol."""
         return axis_label(key, among, self.settings.labels)
 
     def labels_of(self, rows: Sequence[Mapping[str, Any]], among: Collection[str] = ()) -> list[str]:
@@ -134,12 +134,12 @@ def names_of(curves: Sequence[Curve]) -> list[str]:
 
 
 def joined(curves: Sequence[Any], name: str) -> Any:
-    """Return the arrays that curves, or maps, have under a name, one behind the other."""
+    """Return the arrays with this name of all curves, or maps, joined into one."""
     return np.concatenate([getattr(curve, name) for curve in curves])
 
 
 def draw_trials(panel: Axes, places: FloatArray, curve: Curve, colour: str) -> None:
-    """Draw each trial of a curve as a dot at the place, (S,), of its point; those that are censored are hollow."""
+    """Draw each trial of a curve as a dot at the place, (S,), of its point; dots of censored trials are hollow."""
     looks: Any = {"color": colour, "markeredgewidth": 0.4, "markersize": 1.6, "alpha": 0.4, "zorder": 1.9}
     for x, measured in zip(places.tolist(), curve.measured, strict=True):
         for observed, face, label in ((True, colour, "a trial"), (False, "none", "a censored trial")):

@@ -26,7 +26,7 @@ from epuck_sim.statistics.statistic import MOST_CENSORED
 
 COLOURS = colormaps["viridis"]
 
-MIN_CONTOUR_VALUES = 3  # fewest values of x and of y in every panel with which contours are drawn between the points
+MIN_CONTOUR_VALUES = 3  # fewest values of x and of y, in every panel, for contours between the points
 GREY = "0.88"  # colour of cells where half of the trials or more are censored
 MAX_LEVELS = 20  # largest number of levels of colour; more of them are hard to distinguish
 
@@ -49,10 +49,10 @@ class Map(NamedTuple):
 class Maps(Form):
     """Maps in one set of colours, and a colour bar beside them.
 
-    Each point fills the cell around it, with a hatched grey where half of its trials or more are censored, or none has
-    a value of the measure; one without trials is blank. Between four neighbours that are neither, contours are drawn
-    over the cells; nothing else is interpolated. Colours stand for logarithms of T_sync, and of measures that are
-    positive and far apart.
+    Each point fills the cell around it: hatched grey if half of its trials or more are censored, or none has a value of
+    the measure; blank if it has no trials. Between four neighbours with values, contours are drawn over the cells;
+    nothing else is interpolated. Colours stand for logarithms of T_sync, and of measures that are positive and far
+    apart.
     """
 
     name = "map"
@@ -165,7 +165,7 @@ def _draw_cells(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, edges: 
         cells = panel.pcolor(*edges, grey, cmap=ListedColormap([GREY]), **looks)
         reason = "half of the trials or more are censored" if each.rows[0].of is None else "no trial has a value"
         cells.set(hatch="////", label=reason)
-        cells.update_scalarmappable()  # or the legend would have another colour
+        cells.update_scalarmappable()  # so that the legend has the same colour
 
 
 def _draw_contours(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, scales: Sequence[bool]) -> None:
@@ -210,7 +210,7 @@ def choose_levels(values: FloatArray, *, is_log: bool) -> FloatArray:
 
 
 def _log_ticks(levels: FloatArray) -> list[float]:
-    """Return the powers of ten within levels, as logarithms, or numbers between where there are two at most."""
+    """Return the powers of ten within levels, as logarithms, with numbers between them if there are two at most."""
     decades = range(math.floor(levels[0]), math.floor(levels[-1]) + 1)
     for factors in ((1,), (1, 2, 5), range(1, 10)):
         ticks = [power + math.log10(factor) for power in decades for factor in factors]

@@ -1,4 +1,4 @@
-"""Curves of T_sync against speed over what theory predicts of them, dashed."""
+"""Curves of T_sync against speed, with the predictions of theory dashed below them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import Curve, check_speed_alone
 from epuck_sim.theory.predict import Prediction, predictor
 
-AXES = ("agents.speed_cm_s", "robots.0.parameters.speed_cm_s")  # axes whose speed predictions know
+AXES = ("agents.speed_cm_s", "robots.0.parameters.speed_cm_s")  # axes over which there are predictions
 MOST_CURVES = 12  # largest number of curves that are predicted: each takes about a second
 SPEEDS = 60  # number of speeds at which a curve is predicted
 
 DASHES: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7, "zorder": 1.5}
-"""Looks of predictions, which lie under what trials say."""
+"""Looks of predictions, which lie under the results of trials."""
 
 PLACE: dict[str, Any] = {"markerfacecolor": "white", "markersize": 5, "linewidth": 0.7}  # looks of V_m and V_p
 EDGE = 0.04  # length of the marks of the limits at the edges of a panel, as a share of its width
@@ -53,7 +53,7 @@ class Predicted(NamedTuple):
 
 
 def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
-    """Return predictions of curves of T_sync; raise EpuckSimError if the axis or a swarm is none of theirs."""
+    """Return predictions of curves of T_sync; raise EpuckSimError if the axis or a swarm cannot be predicted."""
     if curves[0].of is not None or axis not in AXES:
         this = f"{curves[0].of or 'this'} is against {axis}"
         raise EpuckSimError(f"predictions are of T_sync against {' or '.join(AXES)}, but {this}")
@@ -73,12 +73,12 @@ def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
 class PredictedCurves(Curves):
     """Curves with their predictions."""
 
-    predicted: Sequence[Predicted] = ()  # that of each curve; none where there cannot be any
+    predicted: Sequence[Predicted] = ()  # prediction of each curve; empty if there can be none
     reason: str = ""  # why there are none, though the scenario asks for them
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Estimate and predict curves; raise EpuckSimError where an option asks for what cannot be predicted."""
+        """Estimate and predict curves; raise EpuckSimError if an option asks for predictions that cannot be made."""
         form = super().read(points, choices)
         try:
             form.predicted = predict_curves(form.axis, form.curves)
@@ -91,7 +91,7 @@ class PredictedCurves(Curves):
 
     @property
     def tables(self) -> Mapping[str, str]:
-        """The tables of the curves; and a row for each, with its verdict, V_m and V_p, and T_sync in both limits."""
+        """The tables of the curves, and one with the verdict, V_m, V_p, and T_sync in both limits for each curve."""
         each = zip(self.curves, self.predicted, strict=False)
         rows = [Row(curve.axes, {name: predicted.at_any.cells[name] for name in CELLS}) for curve, predicted in each]
         return {**super().tables, **({"-theory.csv": tabulate_rows(rows)} if rows else {})}
@@ -115,7 +115,7 @@ class PredictedCurves(Curves):
 
 
 def draw_prediction(panel: Axes, predicted: Predicted, colour: str) -> None:
-    """Draw T_sync as it is predicted, its limits at the edges of the panel, and V_m and V_p, if there are any."""
+    """Draw the predicted T_sync, its limits at the edges of the panel, and V_m and V_p, if there are any."""
     speeds, times, at_any = predicted
     panel.plot(speeds, times, color=colour, **DASHES)
     for limit, edge in ((at_any.t_sync_frozen, (0, EDGE)), (at_any.t_sync_fast, (1 - EDGE, 1))):

@@ -24,7 +24,7 @@ MAX_MOMENTS = 400  # largest number of moments of a course; those of a longer on
 MAX_CYCLES = 20_000  # largest number of cycles of a perturbation that are shown
 
 MIN_DEVIATION, MAX_DEVIATION = 1e-4, 0.5
-"""Deviation in cycles whose colour smaller ones have, too, and the largest of two phases."""
+"""Ends of the colour scale, in cycles: smaller deviations have the colour of the first; none is above the second."""
 
 
 class Course(NamedTuple):
@@ -169,13 +169,13 @@ def _scenario(point: PointTrials) -> ParticleScenario:
 
 
 def _most_cycles(scenario: ParticleScenario) -> int:
-    """Return after how many periods, 1 or more, trials end at the latest."""
+    """Return the number of periods, 1 or more, after which trials end at the latest."""
     limit, end_s = scenario.stop.max_cycles, scenario.stop.max_time_s
     return limit if end_s is None else max(1, min(limit, int(end_s / scenario.clocks.period_s + 1e-9)))
 
 
 def _compare(scenario: ParticleScenario, seed: int, cycle: FloatArray) -> TwinComparison:
-    started = simulate(scenario, seed).scenario  # where robots with this seed do, if the scenario says so
+    started = simulate(scenario, seed).scenario  # agents may start like robots with this seed
     assert isinstance(started, ParticleScenario)
     return simulate_with_twin(started, seed, cycle * scenario.clocks.period_s)
 

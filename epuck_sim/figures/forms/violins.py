@@ -33,19 +33,19 @@ VIOLIN, LINE = "#5f9fd0", "#b2182b"
 class Violins(Form):
     """Violins and estimates, a panel for each combination of the other axes.
 
-    A violin is the density of log T_sync of the trials that synchronised, a bar where they all took one time. The line
-    is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the mean of all
-    trials, where none is censored; a dashed line is where the estimate takes trials to be censored. Of a measure, a
-    violin is the density of its values, or of their logarithms on a logarithmic scale, and the line is the mean. The
-    scale is logarithmic for T_sync, and where values are positive and far apart.
+    A violin is the density of log T_sync of the trials that synchronised, a bar if they all took the same time. The
+    line is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the mean of
+    all trials, if none is censored; a dashed line is the cycle at which the estimate takes trials as censored. For a
+    measure, a violin is the density of its values, or of their logarithms on a logarithmic scale, and the line is the
+    mean. The scale is logarithmic for T_sync, and for a measure if its values are positive and far apart.
     """
 
     name = "violins"
 
     axis: str  # dotted key of the horizontal axis
-    names: Sequence[str] = ()  # its values where they are no numbers; places of violins are 0, 1 and so on then
-    curves: Sequence[Curve]  # the estimates of each panel, with the trials that they are of
-    censored_at: int | None = None  # cycle at which the estimates take trials to be censored; where they are if None
+    names: Sequence[str] = ()  # values of the axis if they are no numbers; violins are then at 0, 1 and so on
+    curves: Sequence[Curve]  # the estimates of each panel, and their trials
+    censored_at: int | None = None  # cycle at which estimates take trials as censored; None for their own limits
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
@@ -150,7 +150,7 @@ class Violins(Form):
 def read_violins(points: Sequence[PointTrials], axis: str, censored_at: int | None = None) -> list[Curve]:
     """Return the estimates, and the trials, for each combination of the values of the other axes.
 
-    Estimates are means by Appendix A as if trials were censored at a cycle, where one is given; of a measure, means.
+    Estimates are Appendix A's means, with `censored_at` as if trials were censored at that cycle; or a measure's means.
     """
     of = points[0].of
     curves = read_curves(points, axis, Statistic.WEIBULL_MEAN if of is None else Statistic.MEAN, censored_at)
@@ -170,9 +170,9 @@ def sample_means(curve: Curve) -> FloatArray:
 
 
 def density(values: FloatArray, *, of_logarithms: bool) -> tuple[FloatArray, FloatArray]:
-    """Estimate the density of values, (n,), or of their logarithms, by normal kernels as wide as Scott's rule says.
+    """Estimate the density of values, (n,), or of their logarithms, by normal kernels of the width of Scott's rule.
 
-    It is relative to its maximum, at values from the smallest to the largest; 1 where all are equal.
+    Returns values from the smallest to the largest, and densities there, relative to the largest; 1 if all are equal.
 
     >>> density(np.array([7.0, 7.0]), of_logarithms=True)
     (array([7., 7.]), array([1., 1.]))
