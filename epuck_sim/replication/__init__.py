@@ -1,1 +1,1 @@
-"""Claims of the thesis as data, the sweeps that ask them, and the page with a verdict on each."""
+"""Claims of the thesis as data, the sweeps that test them, and the page with a verdict on each."""

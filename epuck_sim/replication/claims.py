@@ -1,4 +1,4 @@
-"""Claims as data: what is claimed, the sweep that asks it, and its tests; read from YAML.
+"""Claims as data: what is claimed, the sweep on which it is tested, and its tests; read from YAML.
 
 A test is of trials, or of a number that follows from the thesis's equations.
 """
@@ -22,10 +22,10 @@ RISE = 1.1
 
 Line = Annotated[str, AfterValidator(lambda text: " ".join(text.split()))]  # a cell of a table
 Text = Annotated[Line, Field(min_length=1)]
-Values = dict[str, Any]  # of axes of a sweep, by dotted key
+Values = dict[str, Any]  # values of axes of a sweep, by dotted key
 Law = Literal["Weibull", "gamma", "log-normal"]  # a distribution of T_sync
 
-THRESHOLD = 0.95  # of eq. 3.4 for robots (section 3.3), and of eq. C.2
+THRESHOLD = 0.95  # threshold of eq. 3.4 for robots (section 3.3), and of eq. C.2
 
 
 def largest_shift() -> float:
@@ -36,7 +36,7 @@ def largest_shift() -> float:
 def order_zero() -> float:
     """Return the phase, in cycles, below which a pulse lowers the order parameter of two oscillators (eq. 5.8).
 
-    It takes the phase phi to 1.1 phi (section 5.1); where both add up to a cycle, |cos(pi phi)| is the same of both.
+    A pulse takes the phase phi to 1.1 phi (section 5.1); where the two add up to a cycle, their |cos(pi phi)| is equal.
     """
     return 1 / 2.1
 
@@ -59,8 +59,8 @@ class Test(NamedTuple):
     """A test that claims may name."""
 
     takes: tuple[str, ...]  # keys that it needs beside its prediction
-    text: str  # what it looks at, as a template
-    points: int | None = None  # number of points that it is of; None for any
+    text: str  # template of the effect that it looks at
+    points: int | None = None  # number of points that it takes; None for any
 
 
 TESTS = {
@@ -81,7 +81,7 @@ TESTS = {
     "collapse": Test(("along", "of"), "distance of curves of T_sync over {measure}, relative to that over {along}"),
     "formula": Test(("number",), "{number}"),
 }
-"""All tests; `verdicts.EFFECTS` has what they find."""
+"""All tests; `verdicts.EFFECTS` has the functions that run them."""
 
 OF_T_SYNC = ("weibull_ratio", "place_exponent")  # tests of T_sync alone
 
@@ -99,7 +99,7 @@ class Check(ConfigModel):
     take: Literal["first", "final", "mean", "largest", "growth"] | None = None
     """Which of a series's values stands for a trial; `growth`: the slope of its logarithm over cycles."""
     between: tuple[Values, Values] = ({}, {})  # two places; a ratio pairs points that agree in all other axes
-    along: str = ""  # axis along which means go, or curves are drawn
+    along: str = ""  # axis along which means change, or curves are drawn
     over: str = ""  # axis in which curves differ
     place: Literal["V_m", "T_m", "V_p", "T_p", "V_f"] = "V_m"  # place on each curve
     law: Law = "Weibull"
@@ -155,10 +155,10 @@ class Check(ConfigModel):
 
 
 class AskedSweep(ConfigModel):
-    """A sweep that claims are asked of."""
+    """A sweep on which claims are tested."""
 
     scenario: Text  # a shipped scenario, or a YAML file
-    keys: dict[str, Any] = Field(default_factory=dict)  # in which the sweep differs from it, as in its `quick`
+    keys: dict[str, Any] = Field(default_factory=dict)  # keys that differ from the scenario's, as in its `quick`
 
 
 class Claim(ConfigModel):
@@ -171,14 +171,14 @@ class Claim(ConfigModel):
     line: Annotated[WholeNumber, Field(ge=1)] | None = None  # line of the sentence in the text
     quantifier: str = ""  # how much the sentence claims: always, some, only if
     source: Line = ""  # paper whose result the sentence quotes
-    sweep: str | None = None  # name of the sweep that all its checks are asked of, but those of formulas
+    sweep: str | None = None  # name of the sweep of all its checks, except those of formulas
     checks: tuple[Check, ...] = ()
-    reading: str = ""  # what of its tests is ours: then they decide about our reading, and not about the claim
+    reading: str = ""  # the part of its tests that is ours: they then decide about our reading, not about the claim
     otherwise: str = ""  # reading of the text that would change the verdict
-    changed: str = ""  # what of its tests was changed after first results, and why
+    changed: str = ""  # changes of its tests after first results, and why
     identity: Line = ""  # why it cannot fail
     no_claim: Line = ""  # why there is nothing to test
-    not_asked: Line = ""  # why it is not asked
+    not_asked: Line = ""  # why it is not tested
 
     @property
     def untested(self) -> str:
@@ -210,7 +210,7 @@ class Claims(ConfigModel):
     def _names_agree(self) -> "Claims":
         names = [claim.id for claim in self.claims]
         for name in (*names, *self.sweeps):
-            if not re.fullmatch(r"\w[\w.-]*", name):  # which files and folders have in their names
+            if not re.fullmatch(r"\w[\w.-]*", name):  # names of files and folders contain them
                 raise ValueError(f"{name!r} is no name of a claim, or of a sweep; allowed: letters, digits, _, - and .")
         for claim in self.claims:
             if names.count(claim.id) > 1:
@@ -246,7 +246,7 @@ def read_claims(path: Path = SHIPPED) -> Claims:
 
 
 def _message(path: Path, given: Any, error: ValidationError) -> str:
-    """Return the first of what is wrong as file: claim: key: what is wrong; a claim is found by its id."""
+    """Return the first error as file: claim: key: what is wrong; a claim is named by its id."""
     _, said = next(problems_in(Claims, error))
     if in_claim := re.match(r"claims\.(\d+)", said):
         claim = given["claims"][int(in_claim[1])]

@@ -1,8 +1,8 @@
 """The tests that claims may name: pure functions from trials of some points, or from curves, to an effect.
 
-They are of means, which are restricted to the limit of cycles where trials are censored and whose ratios are compared
-in logarithms; of shares; of whole distributions; and of curves: where these have their minimum, their peak and their
-fast regime, and how well they collapse.
+They test means, which are restricted to the limit of cycles if trials are censored, and whose ratios are compared in
+logarithms; shares; whole distributions; and curves: where they have their minimum, their peak and their fast regime,
+and how well they collapse.
 """
 
 import math
@@ -23,17 +23,17 @@ from epuck_sim.statistics.extrema import Place, find_fast_speed, search_extrema
 from epuck_sim.statistics.statistic import MeanError, Measured, cut, estimate_share, mean_and_error, student_estimate
 from epuck_sim.statistics.survival import weibull_mean
 
-RESAMPLES = 200  # of a ratio of estimators
-MIN_POINTS = 3  # fewest of a slope: two leave nothing to tell how well they lie on a line
-SCATTERED = 4.0  # mean square of deviations over errors: trials can take away a quarter of a slope's variance at most
+RESAMPLES = 200  # number of resamples of a ratio of estimators
+MIN_POINTS = 3  # fewest points of a slope: two do not tell how well they lie on a line
+SCATTERED = 4.0  # mean square of deviations over errors: more trials reduce a slope's variance by a quarter at most
 GRID_POINTS = 200  # places at which curves are compared
-NEARLY_1 = 1 - 1e-12  # largest correlation of which Fisher's transform is asked
+NEARLY_1 = 1 - 1e-12  # largest correlation to which Fisher's transform is applied
 
 LAWS = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.lognorm}
 """Distributions of positive numbers, each of two parameters: a shape and a scale."""
 
-FITTED_TRIALS = 20  # fewest of a point whose distribution is fitted
-FITTED_VALUES = 6  # fewest that these have: T_sync of a few cycles is too coarse to tell distributions apart
+FITTED_TRIALS = 20  # fewest trials of a point whose distribution is fitted
+FITTED_VALUES = 6  # fewest values that they have: T_sync of a few cycles is too coarse to tell distributions apart
 
 
 class Effect(NamedTuple):
@@ -47,7 +47,7 @@ class Effect(NamedTuple):
 
 
 def student(value: float, error: float, freedom: float) -> Effect:
-    """Return a value with Student's interval; without an error nothing is known of it, and no p-value is below 1."""
+    """Return a value with Student's interval; without an error nothing is known of it, and all p-values are 1."""
     if not error > 0:
         return Effect(Estimate(value), lambda _: 1.0, lambda _: 1.0)
     return Effect(
@@ -61,7 +61,7 @@ NOTHING = student(math.nan, 0.0, 0)  # effect of which nothing is known
 
 
 def transformed(effect: Effect, back: Callable[[float], float], into: Callable[[float], float]) -> Effect:
-    """Return the effect of which a rising function, `into`, is given: its logarithm, say."""
+    """Return an effect, given that of a rising function of it, `into`, such as its logarithm; `back` is the inverse."""
     return Effect(
         effect.estimate.apply(back),
         lambda threshold: effect.p_above(into(threshold)),
@@ -83,8 +83,8 @@ def resampled(value: float, values: FloatArray, freedom: float) -> Effect:
 def mean_with_error(measured: Measured) -> MeanError:
     """Return the mean, restricted where trials are censored, and its standard error.
 
-    Where all are censored, they show no scatter; they get the error that they would have if one of them had ended at
-    once. With fewer than `MIN_TRIALS` trials the error is 0, with which `student` knows nothing.
+    If all are censored, they show no scatter: the error is then the one that they would have if one of them had ended
+    at once. With fewer than `MIN_TRIALS` trials the error is 0, which `student` takes as unknown.
     """
     trials = len(measured.values)
     if trials < MIN_TRIALS:
@@ -95,7 +95,7 @@ def mean_with_error(measured: Measured) -> MeanError:
 
 
 def level(sample: Measured) -> Effect:
-    """Return the mean of the trials of a point; where some are censored, nothing shows it below what none reached."""
+    """Return the mean of a point's trials; if some are censored, it is never shown to be below the horizon or more."""
     found = student(*mean_with_error(sample))
     end = math.inf if sample.observed.all() else sample.horizon
     return found._replace(p_below=lambda threshold: found.p_below(threshold) if threshold < end else 1.0)
@@ -146,7 +146,7 @@ def largest_rise(curves: Sequence[Sequence[Measured]]) -> Effect:
 
     It is below a threshold if all ratios are, each of which is tested by itself: the p-value is the largest of theirs.
     It is above one if any ratio is: the p-value is the least, times the number of ratios (Bonferroni). The ends of the
-    interval are the largest of those of all ratios, where the lower ones are corrected for their number.
+    interval are the largest ends of all ratios; the lower ones are corrected for the number of ratios.
     """
     rises = [_log_ratio(pair) for curve in curves for pair in combinations(map(mean_with_error, curve), 2)]
     largest = max((value for value, *_ in rises), default=math.nan)
@@ -167,8 +167,8 @@ def largest_rise(curves: Sequence[Sequence[Measured]]) -> Effect:
 def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom: int) -> Effect:
     """Return the slope of logarithms over x by weighted least squares; all are (S,).
 
-    Where points scatter about the line by more than their errors, which have `freedom`, its error is larger by as much,
-    and has the freedom of the scatter.
+    If points scatter about the line by more than their errors, which have `freedom`, the slope's error is enlarged by
+    as much, and has the freedom of the scatter.
     """
     weights = 1 / errors**2
     away = x - np.average(x, weights=weights)
@@ -196,9 +196,9 @@ def _have_logs(means: Sequence[MeanError]) -> bool:
 def _log_ratio(means: Sequence[MeanError]) -> tuple[float, float, float]:
     """Return the mean over pairs of the logarithm of the second mean over the first, its error and its freedom.
 
-    The freedom is that of the mean that has the least: Welch's, which is more, finds too much in the far tail: of 20
-    exponential times, 3.7e-4 where 2.0e-4 is nominal, and the least 1.5e-4. The error is 0 where any mean is known
-    without one, as nothing is known of its scatter.
+    The freedom is the least of all means. Welch's, which is larger, rejects too often in the far tail: with 20
+    exponential times, in 3.7e-4 of all cases where 2.0e-4 is nominal; the least freedom does in 1.5e-4. The error is 0
+    if any mean has none, as nothing is known of its scatter.
     """
     if not _have_logs(means):
         return math.nan, 0.0, 0
@@ -211,8 +211,8 @@ def _log_ratio(means: Sequence[MeanError]) -> tuple[float, float, float]:
 def superiority(first: Measured, second: Measured) -> Effect:
     """Return the probability that a trial of the second sample takes longer than one of the first.
 
-    Equal trials, such as those censored at one limit, count half: of equal distributions it is 0.5. The test is that of
-    Brunner and Munzel (2000); where no trial of one sample is as long as any of the other, that of n independent pairs.
+    Equal trials, such as those censored at one limit, count half: for equal distributions it is 0.5. The test is that
+    of Brunner and Munzel (2000); if the samples do not overlap at all, it is that of n independent pairs.
     """
     sizes = len(first.values), len(second.values)
     if min(sizes) < MIN_TRIALS:
@@ -220,11 +220,11 @@ def superiority(first: Measured, second: Measured) -> Effect:
     ranks = stats.rankdata(np.concatenate([first.values, second.values]))
     own = ranks[: sizes[0]], ranks[sizes[0] :]
     value = float((own[1].mean() - own[0].mean()) / sum(sizes)) + 0.5
-    # how far a rank among all exceeds that among one's own: by the number in the other sample that are less
+    # a rank among all exceeds the rank in its own sample by the number of smaller trials in the other sample
     within = [stats.rankdata(each.values) for each in (first, second)]
     parts = [size * float((mine - among).var(ddof=1)) for size, mine, among in zip(sizes, own, within, strict=True)]
     spread = sum(part**2 / (size - 1) for part, size in zip(parts, sizes, strict=True))
-    pairs = min(sizes)  # of trials, one of either sample, which are all alike where the samples are apart
+    pairs = min(sizes)  # pairs of trials, one from each sample; they all agree if the samples are apart
     end = ((1 - LEVEL) / 2) ** (1 / pairs)
     if value == 1:
         return Effect(Estimate(1.0, end, 1.0), lambda threshold: threshold**pairs, lambda _: 1.0)
@@ -235,7 +235,7 @@ def superiority(first: Measured, second: Measured) -> Effect:
 
 
 def rank_trend(x: FloatArray, samples: Sequence[Measured]) -> Effect:
-    """Return Spearman's correlation of the trials of S points with x, (S,); -1 if each is less than all before it.
+    """Return Spearman's correlation of the trials of S points with x, (S,); -1 if each is less than all at smaller x.
 
     Interval and p-values are those of Fisher's transform, with the error of Bonett and Wright (2000).
     """
@@ -249,10 +249,10 @@ def rank_trend(x: FloatArray, samples: Sequence[Measured]) -> Effect:
 
 
 def likelier(samples: Sequence[Measured], law: str, than: str) -> Effect:
-    """Return by how much a law makes trials likelier than another does: nats a trial, mean over all trials.
+    """Return the log-likelihood of trials by one law minus that by another, in nats per trial, mean over all trials.
 
     Both are fitted to each point by maximum likelihood. The test is that of Vuong (1989), for laws neither of which is
-    a case of the other. Points with censored trials, with fewer than `FITTED_TRIALS` trials or with fewer than
+    a special case of the other. Points with censored trials, with fewer than `FITTED_TRIALS` trials or with fewer than
     `FITTED_VALUES` values are left out.
     """
     gains = []
@@ -293,8 +293,8 @@ def find_place(curve: Curve, name: str) -> Place | None:
 def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -> Effect:
     """Return the exponent of the power of x, (C,), that fits the places of C curves best, in logarithms.
 
-    Curves without the place are left out. Errors are those of the resamples of curves of so many trials a point, and
-    larger where places scatter by more than these.
+    Curves without the place are left out. Errors are those of the resamples of curves with `trials` trials per point,
+    and larger if places scatter by more than these.
     """
     known = [(float(at), place) for at, place in zip(x, places, strict=True) if place is not None]
     if len(known) < MIN_POINTS:
@@ -307,10 +307,10 @@ def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -
 
 
 def collapse(drawn: Sequence[tuple[Curve, Curve]], trials: int) -> Effect:
-    """Return how far curves are apart over another quantity, over how far they are apart along their axis.
+    """Return the distance of curves over another quantity, relative to their distance along their axis.
 
-    Each curve is given with that of the other quantity at the same points. It is 0 where they are one curve over the
-    other quantity, and 1 where that does no better than the axis. The error is that of resamples of so many trials.
+    Each curve is given with that of the other quantity at the same points. The effect is 0 if they are one curve over
+    the other quantity, and 1 if that does no better than the axis. The error is that of resamples of `trials` trials.
     """
     if len(drawn) < 2:
         return NOTHING
@@ -324,16 +324,16 @@ def collapse(drawn: Sequence[tuple[Curve, Curve]], trials: int) -> Effect:
 
 def _log_rows(curve: Curve) -> FloatArray:
     """Return (1 + B, S) logarithms of a curve's values and of its resamples."""
-    with np.errstate(divide="ignore"):  # where nothing changes there is no place to compare at
+    with np.errstate(divide="ignore"):  # 0, as where nothing changes, is no place to compare at
         return np.asarray(np.log(np.vstack([curve.values, curve.resampled])))
 
 
 def spread(courses: Sequence[tuple[FloatArray, FloatArray]]) -> float:
-    """Return how far curves are apart where they are drawn over each other: the root of their mean variance about it.
+    """Return the distance of curves drawn over each other: the root of their variance, averaged over places.
 
-    A curve is what it is drawn over, in any order, and what is drawn, both (S,) and in logarithms. Curves are
-    interpolated, and compared at places equally far apart in the logarithm; those that only one curve reaches do not
-    count, nor do points whose x is infinite. It is 0 where all curves are one; NaN where no two share a place.
+    A curve is x, in any order, and y, both (S,) and in logarithms. Curves are interpolated, and compared at places
+    equally far apart in the logarithm; places that only one curve reaches do not count, nor do points whose x is
+    infinite. The distance is 0 if all curves are one; NaN if no two share a place.
     """
     courses = [(x[known], y[known]) for x, y in courses if (known := np.isfinite(x)).any()]
     if len(courses) < 2:

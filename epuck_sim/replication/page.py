@@ -1,7 +1,7 @@
 """The page of a replication in Markdown, its tables and figures.
 
-A table of verdicts, and what is to be known of those that are not plain; as CSV, a row a claim, a row a test, and a row
-a sweep; and a figure for each claim: the curves that its tests look at.
+The page has a table of verdicts, and explains those that are not plain. Tables as CSV have a row for each claim, test
+or sweep; the figure of a claim has the curves that its tests use.
 """
 
 import math
@@ -33,7 +33,7 @@ ALL, SOME = "replication", "chosen"
 
 FIGURES = "figures"  # folder beside the page
 DOTS_PER_INCH = 120  # enough for a screen: a page has a figure for each claim
-MOST_POINTS = 200  # of a figure of several tests: beyond, curves cannot be told apart
+MOST_POINTS = 200  # most points of a figure of several tests: with more, curves cannot be told apart
 MIN_VALUES = 3  # fewest values of an axis that are drawn as a curve
 MOST_TESTS = 4  # most tests of a claim that are written out
 LEAST_P = 1e-4  # p-values below this are given as this one
@@ -53,10 +53,10 @@ EXPLAINED = (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.READING)
 class Contents(NamedTuple):
     """Everything on the page."""
 
-    folder: Path  # of the replication, as it was given
+    folder: Path  # folder of the replication, as it was given
     answers: list[Answer]  # those of the chosen claims
     sweeps: Mapping[str, tuple[Sequence[PointTrials], float, int]]
-    """The sweeps that were asked: points, computing time, s, and number of trials that failed."""
+    """The sweeps of these claims: points, computing time, s, and number of trials that failed."""
     claims: Claims  # the file of claims
     looks: int  # most looks at a sweep; 1 if no sweep has more trials than its scenario
     file: Path | None = None  # the file of claims, if they are not the thesis's
@@ -76,9 +76,9 @@ def read_contents(
     file: Path | None = None,
     looks: int = 1,
 ) -> Contents:
-    """Test the chosen claims on the trials that are stored of their sweeps, whose scenarios are given by name.
+    """Test the chosen claims on the stored trials of their sweeps, whose scenarios are given by name.
 
-    So many looks are allowed for, and `LOOKS` where trials were added.
+    p-values are corrected for `looks` looks, or for `LOOKS` if trials were added.
 
     Raises:
         StoreError: A run folder is missing or damaged.
@@ -106,7 +106,7 @@ def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
     for name, table in tables.items():
         if table.rows:
             texts[links[name]] = table.to_csv()
-        else:  # it may be there, of claims that were chosen before
+        else:  # it may be left from claims that were chosen before
             (folder / links.pop(name)).unlink(missing_ok=True)
     texts[f"{stem}.md"] = "\n\n".join(make_page(contents, pictures, links)) + "\n"
     for name, text in texts.items():
@@ -116,7 +116,7 @@ def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
 
 
 def escaped(text: str) -> str:
-    """Return running text, or a cell, whose letters mean nothing in Markdown."""
+    """Return running text, or a cell, with the letters escaped that have a meaning in Markdown."""
     for letter in "*_<|":
         text = text.replace(letter, f"\\{letter}")
     return text
@@ -125,7 +125,7 @@ def escaped(text: str) -> str:
 def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[str, str]) -> Iterator[str]:
     """Yield the parts of the page, between which there are empty lines.
 
-    Relative paths of figures are given by their claims' ids, those of tables by what their rows are.
+    `pictures` are relative paths of figures by the ids of claims, `tables` those of tables by name.
     """
     answers, file = contents.answers, contents.file
     names = [] if contents.has_all else [answer.claim.id for answer in answers]
@@ -171,7 +171,7 @@ def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
 
 
 def _decisive(answer: Answer) -> list[Finding]:
-    """Return the tests by which a claim has its verdict: those that do not hold, if there are any."""
+    """Return the tests that decide a claim: those contradicted, or else those undecided, or else those that hold."""
     for verdict in (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.HOLDS):
         if found := [judged for judged in answer.checks if judged.verdict == verdict]:
             return found
@@ -195,7 +195,7 @@ def _why_no_p_value(judged: Finding) -> str:
 
 
 def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
-    """Yield a claim's heading, its tests that do not hold, of which the table has the first one's number, and texts."""
+    """Yield a claim's heading, the tests that decide it (the table has the effect of the first), and its texts."""
     claim = answer.claim
     yield f"### {claim.id}"
     first, *others = _decisive(answer)
@@ -213,7 +213,7 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
 
 
 def make_tables(contents: Contents) -> dict[str, Table]:
-    """Return the tables beside the page, with a row for each claim, each test, and each sweep that was asked."""
+    """Return the tables beside the page, with a row for each claim, each test, and each sweep that was used."""
     of_claims = ({**each.claim.model_dump(exclude={"checks"}), "verdict": each.verdict} for each in contents.answers)
     cells: dict[str, Iterable[dict[str, object]]] = {
         "claims": of_claims,
@@ -270,7 +270,7 @@ def describe_check(check: Check) -> str:
 
 
 def draw_claim(answer: Answer, trials: Trials, path: Path) -> bool:
-    """Draw the points of a claim's tests against their axis as PNG: of those that decide first, up to `MOST_POINTS`.
+    """Draw up to `MOST_POINTS` points of a claim's tests against their axis as PNG; tests that decide it come first.
 
     Returns:
         Whether there is a curve to draw.

@@ -1,8 +1,8 @@
 """The sweeps of claims: their scenarios and their trials, which are added until each claim is decided.
 
 A sweep is looked at when it has the trials of its scenario, and whenever it has half as many more, `LOOKS` times at
-most. Each p-value is that of a decision at any of these looks (`looks_p_value`), and these are corrected by Holm's
-method: so the level of a page holds whatever made trials be added, or looks end.
+most. Each p-value is corrected for these looks (`looks_p_value`), and all together by Holm's method. So the level of a
+page holds whatever the reason to add trials, or to stop.
 """
 
 import math
@@ -47,10 +47,10 @@ def sweep_folder(folder: Path, name: str) -> Path:
 
 
 def needed_sweeps(claims: Claims, chosen: Sequence[Claim]) -> dict[str, Scenario]:
-    """Return the scenarios of the sweeps that the chosen claims are asked of, by name.
+    """Return the scenarios of the sweeps on which the chosen claims are tested, by name.
 
     Raises:
-        EpuckSimError: One of them cannot be run, or lacks what a claim names; then none is.
+        EpuckSimError: A sweep cannot be run, or lacks an axis, a value or a measure that a claim names.
     """
     names = dict.fromkeys(claim.sweep for claim in chosen if claim.checks and claim.sweep is not None)
     scenarios = {name: sweep_scenario(claims, name) for name in names}
@@ -67,11 +67,11 @@ class Trials:
     """The trials of claims' sweeps, in run folders."""
 
     def __init__(self, folders: Mapping[str, Path]) -> None:
-        """Take the run folder of each sweep."""
+        """Store the run folder of each sweep."""
         self.folders = folders
 
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
-        """Return the points of a sweep, with what a check takes of their measure; raise StoreError as `read_points`."""
+        """Return the points of a sweep, with the values that a check takes; raise StoreError as `read_points` does."""
         points = read_points(self.folders[sweep], check.of if check else None)
         return verdicts.taken(check, points) if check else points
 
@@ -98,12 +98,12 @@ HOUR_S = 3600.0
 
 
 def trials_at_looks(first: int) -> list[int]:
-    """Return the numbers of trials of a point at which its sweep is looked at; its scenario has the first of them."""
+    """Return the numbers of trials per point at which a sweep is looked at; the first is that of its scenario."""
     return [math.ceil(first * size) for size in relative_sizes(LOOKS)]
 
 
 def begun(scenario: Scenario, folder: Path) -> Scenario:
-    """Return a sweep with the trials of the last look that was begun in its run folder, or else as it is."""
+    """Return a sweep with the trials of the last look that was begun in its run folder; unchanged if there is none."""
     if not (folder / DATABASE).exists():
         return scenario
     with reading(folder) as connection:
@@ -112,20 +112,20 @@ def begun(scenario: Scenario, folder: Path) -> Scenario:
 
 
 class NextLook(NamedTuple):
-    """A look at the claims of a sweep that would come next."""
+    """The next look at the claims of a sweep."""
 
     sweep: str
     scenario: Scenario  # with the trials of this look
     cost_s: float  # computing time of the trials that are missing, if they take as long as those that are stored
     claims: dict[str, float]
-    """Computing time until each claim that is undecided is decided, if its effects stay as they are; inf for never."""
+    """Computing time until each undecided claim is decided, if its effects stay as they are; inf for never."""
 
 
 class Decider:
     """Adds trials to sweeps, one look after the other, as long as claims on them are undecided."""
 
     def __init__(self, chosen: Sequence[Claim], scenarios: dict[str, Scenario], folders: dict[str, Path]) -> None:
-        """Take the claims, and the sweeps that they are asked of, whose trials are stored."""
+        """Check the claims on the stored trials of their sweeps."""
         self._scenarios, self._trials = scenarios, Trials(folders)
         self._findings = {claim.id: (claim, check_claim(claim, self._trials)) for claim in chosen}
 
@@ -134,10 +134,10 @@ class Decider:
         return verdicts.judge_claims([*self._findings.values()], LOOKS)
 
     def run(self, add: Callable[[str, Scenario], None], budget_s: float) -> Iterator[str]:
-        """Add trials until all is decided, no look is left, or none whose cost is within a budget of computing time.
+        """Add trials until all is decided, or no look is left whose cost is within a budget of computing time.
 
-        `add` runs the trials of a sweep that are missing. What is yielded tells of each look, before it what it costs
-        and after it what it has decided.
+        `add` runs the missing trials of a sweep. Yields a message before each look, with its cost, and another after
+        it, with its verdicts.
         """
         spent_s = 0.0
         while looks := [look for look in self.next_looks() if look.cost_s <= budget_s - spent_s]:
@@ -153,10 +153,10 @@ class Decider:
             yield ", ".join(f"{each.claim.id} {each.verdict}" for each in found)
 
     def next_looks(self) -> list[NextLook]:
-        """Return the next look at each sweep that has undecided claims, unless it was looked at as often as it may.
+        """Return the next look at each sweep that has undecided claims, unless it has had all its looks.
 
-        How many trials decide a claim follows from its effects: deviations from a threshold, in standard errors, grow
-        with the root of the number of trials. A sweep whose points scatter too much is not looked at for that claim.
+        The number of trials that decides a claim follows from its effects: deviations from a threshold, in standard
+        errors, grow with the root of the number of trials. Claims whose points scatter too much get no further looks.
         """
         answers = [each for each in self.answers() if each.verdict == verdicts.Verdict.UNDECIDED]
         tests = sum(judged.verdict == verdicts.Verdict.UNDECIDED for each in answers for judged in each.checks)
@@ -196,13 +196,13 @@ class Decider:
 
 
 def _needs_points(answer: verdicts.Answer) -> bool:
-    """Return whether all tests that are undecided are of points that scatter by far more than their errors."""
+    """Return whether the points of all undecided tests scatter by far more than their errors."""
     undecided = [judged for judged in answer.checks if judged.verdict == verdicts.Verdict.UNDECIDED]
     return bool(undecided) and all(judged.effect.is_scattered for judged in undecided)
 
 
 def _growth_needed(checks: Sequence[verdicts.Finding], tests: int) -> float:
-    """Return how many times as many trials decide a claim, if effects stay: all its checks for it, or one against."""
+    """Return the growth of trials that decides a claim if effects stay: all its checks for it, or one against."""
     boundary = look_boundary(relative_sizes(LOOKS), 1 - (1 - LEVEL) / tests)
     shown, refuted = 1.0, math.inf
     for judged in checks:

@@ -30,8 +30,8 @@ SMALLEST, LARGEST = 1e-12, 1e-3
 def growth(deviations: Sequence[float]) -> float:
     """Return the growth rate of a deviation, per cycle, by least squares of its logarithm.
 
-    Cycles count from half-way to that at which it first leaves the range from `SMALLEST` to `LARGEST`, or to the last
-    one: a factor that the first cycles bring, once, is no growth.
+    The series ends where it first leaves the range from `SMALLEST` to `LARGEST`, or at the last cycle, and only its
+    second half counts: a factor that the first cycles bring, once, is no growth.
     """
     left = next((cycle for cycle, each in enumerate(deviations) if not SMALLEST <= each <= LARGEST), None)
     kept = deviations[: None if left is None else left + 1]
@@ -48,7 +48,7 @@ REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
 }
 """Reductions of a series to one number."""
 
-LOGARITHMIC = {"power_exponent": "along", "place_exponent": "over", "collapse": "along"}  # axes whose logarithms count
+LOGARITHMIC = {"power_exponent": "along", "place_exponent": "over", "collapse": "along"}  # axes taken in logarithms
 
 AnyPoint = TypeVar("AnyPoint", Point, PointTrials)  # a point of a sweep, with or without its trials
 
@@ -66,19 +66,19 @@ class Verdict(StrEnum):
 
 
 class Finding(NamedTuple):
-    """A check, what its test found, and what that decides together with all others of a page."""
+    """A check, the effect that its test found, and its verdict after correction for all others of a page."""
 
     check: Check
     effect: Effect
-    trials: tuple[int, int]  # fewest and most of its points; 0 of a formula
-    censored: float  # largest share of its points
-    p_value: float = math.nan  # of data that decide as clearly for either side, if the truth were at the threshold
+    trials: tuple[int, int]  # fewest and most trials of its points; 0 for a formula
+    censored: float  # largest censored share of its points
+    p_value: float = math.nan  # probability of data as clear, for either side, if the truth were at the threshold
     p_holm: float = math.nan  # the same, corrected for the number of looks, and of checks on the page
     verdict: Verdict = Verdict.UNDECIDED
 
 
 def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
-    """Run a check's test on the trials that it takes of its claim's sweep; raise as below."""
+    """Run a check's test on the trials that it takes of its claim's sweep; raise as `chosen_points` does."""
     if check.test == "formula":
         value = FORMULAS[check.number]()
         exact = Effect(Estimate(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0)
@@ -94,7 +94,7 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     """Return the points of a sweep that a check uses.
 
     Raises:
-        EpuckSimError: There is none, or more than the test is of; or they lack a measure or an axis that it names.
+        EpuckSimError: There is none, or not as many as the test takes; or a measure or axis of the check is missing.
     """
     test = TESTS[check.test]
     if check.test == "ratio":
@@ -129,7 +129,7 @@ def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
 
 
 def pair_points(check: Check, points: Sequence[AnyPoint]) -> list[tuple[AnyPoint, AnyPoint]]:
-    """Return the points at the first place of a check that have one at the second, with it: all other axes agree."""
+    """Return pairs of points, at the first and at the second place of a check, that agree in all other axes."""
     sides: list[list[AnyPoint]] = [points_at({**check.where, **place}, points) for place in check.between]
     others = other_axes([point.axes for side in sides for point in side], *check.between[0], *check.between[1])
     one, other = ({canonical_text({key: point.axes[key] for key in others}): point for point in side} for side in sides)
@@ -191,12 +191,12 @@ EFFECTS: dict[str, Callable[[Check, Points, Samples], Effect]] = {
 
 
 def reduction(check: Check) -> str | None:
-    """Return the name of what stands for the series that a check takes; None if it takes values as they are."""
+    """Return the name of the reduction of a series that a check takes; None if it takes values as they are."""
     return "mean" if check.test == "collapse" else check.take
 
 
 def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
-    """Return points with what a check takes of their measured values; None for a series without a value."""
+    """Return points with the values that a check takes; a series is reduced to one number, None if it has no value."""
     name = reduction(check)
     is_series = any(map(has_series, points))
     if name is None:
@@ -233,8 +233,8 @@ class Answer(NamedTuple):
 def judge_claims(asked: Sequence[tuple[Claim, Sequence[Finding]]], looks: int = 1) -> list[Answer]:
     """Return the verdicts of all claims of a page, whose checks are corrected together by Holm's method.
 
-    Each check is one of so many looks at it, while trials are added. A claim holds if all its checks do, and is
-    contradicted if any is.
+    Each check is also corrected for `looks` looks at it, while trials are added. A claim holds if all its checks do,
+    and is contradicted if any is.
     """
     tested = [each for _, checks in asked for each in checks if each.check.test != "formula"]
     corrected = iter(holm([looks_p_value(_judge(each, None).p_value, looks) for each in tested]))
@@ -246,7 +246,7 @@ def judge_claims(asked: Sequence[tuple[Claim, Sequence[Finding]]], looks: int = 
 
 
 def decide(claim: Claim, verdicts: Sequence[Verdict]) -> Verdict:
-    """Return the verdict of a claim from those of its checks; none if they are not asked."""
+    """Return the verdict of a claim from those of its checks, if it has any."""
     if claim.no_claim:
         return Verdict.NO_CLAIM
     if claim.identity and set(verdicts) <= {Verdict.HOLDS}:
