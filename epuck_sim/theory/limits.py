@@ -2,8 +2,8 @@
 
 A pair follows from the response curve alone. Both kinds of swarms are Markov chains of phases on snapshots: the frozen
 swarm keeps its snapshot, the fast one draws another at each instant, which is the mean field with the same links
-(thesis 2.4, 3.4). What happens at an instant is what `particles.events` says; the response curve is a table, between
-whose phases a chain interpolates.
+(thesis 2.4, 3.4). An instant has the rules of `particles.events`; the response curve is a table, in which a chain
+interpolates between phases.
 """
 
 import math
@@ -18,10 +18,10 @@ from epuck_sim.statistics.survival import QUANTILE
 from epuck_sim.theory.snapshots import share
 from epuck_sim.util.jit import jit
 
-CHAINS = 60  # number of chains that are run unless another is given, if they end soon enough
+CHAINS = 60  # default number of chains that are run, if they end soon enough
 
 MOST_INSTANTS, ALL_INSTANTS = 40_000, 100_000
-"""Instants after which a chain is censored, and those of all chains of a limit after which no other begins."""
+"""Number of instants after which a chain is censored, and that of all chains of a limit after which no other begins."""
 
 TABLE = 20_001  # number of phases from 0 to 1 at which a response curve is tabulated
 SIMULTANEOUS = 1e-12  # cycles within which firings are at one instant, as in the models
@@ -34,18 +34,18 @@ MOST_FIRINGS = 20_000  # firings of a pair after which it counts as one that nev
 class Pair(NamedTuple):
     """Two oscillators that receive each other's pulses."""
 
-    lead: float  # ln of the factor by which a small lead grows at a pulse: of who has just fired
-    lag: float  # the same for a small lag: of who is about to fire; minus infinity where the pulse makes it fire
+    lead: float  # ln of the factor by which a small lead, of one that has just fired, grows at a pulse
+    lag: float  # the same for a small lag, of one that is about to fire; minus infinity where the pulse makes it fire
     growth: float
     """ln of the factor by which 1 - r of a pair near synchrony changes in a cycle, in which each receives a pulse."""
     cycles: float  # mean T_sync from random phases, in cycles; infinite where some phases never synchronise
 
 
 def measure_pair(response: Response, threshold: float) -> Pair:
-    """Measure a response curve on two oscillators, which count as one at a threshold of the order parameter."""
+    """Measure a response curve on two oscillators, which are synchronised at a threshold of the order parameter."""
     offsets = np.array([SMALL, 1 - SMALL])
     lead, lag = np.abs(offsets + phase_shift(response, offsets) - [0, 1]).tolist()
-    square = (lead**2 + lag**2) / (2 * SMALL**2)  # 1 - r of two is in proportion to the square of their distance
+    square = (lead**2 + lag**2) / (2 * SMALL**2)  # 1 - r of two is proportional to the square of their distance
     near = math.acos(min(threshold, 1.0)) / math.pi
     phases, firings = GRID.copy(), np.ones(len(GRID))
     for _ in range(MOST_FIRINGS):
@@ -54,7 +54,7 @@ def measure_pair(response: Response, threshold: float) -> Pair:
             break
         firings[apart] += 1
         met = phases[apart] + phase_shift(response, phases[apart])
-        phases[apart] = 1 - met  # of who fires next, when the other one does; taken twice, thesis eq. 5.2
+        phases[apart] = 1 - met  # phase of the next to fire, at the other's firing; applied twice, thesis eq. 5.2
     else:
         firings[:] = math.inf
     return Pair(_log(lead / SMALL), _log(lag / SMALL), _log(square), float(firings.mean()) / 2)

@@ -1,4 +1,4 @@
-"""Predictions of a scenario's regimes, and the table of those of a sweep."""
+"""Predictions of a scenario's regimes, and their table for a sweep."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,13 +20,13 @@ from epuck_sim.theory.snapshots import GraphMeasures, changed_links, count_compo
 from epuck_sim.util.messages import comma_list
 
 SNAPSHOTS, CELLS = 400, 2_000_000  # largest number of snapshots, and of pairs of agents in all of them
-MOST_AGENTS = 300  # largest swarm of which predictions are made: snapshots are matrices
+MOST_AGENTS = 300  # largest swarm for which predictions are made, as snapshots are matrices
 
 LINK_SNAPSHOTS, TRIED_SIDES = 60, tuple(2.0**power for power in range(-9, 1))
-"""Snapshots from which the length of links follows, and the distances, in sides, that agents move in a period."""
+"""Number of snapshots that tell the length of links, and the distances, in sides, that agents move in a period."""
 
 HOLDS = tuple(2.0**power for power in range(8, -3, -1))
-"""Holds, in cycles, of which chains tell T_sync, from the slowest swarm to the fastest."""
+"""Holds, in cycles, for which chains give T_sync, from the slowest swarm to the fastest."""
 
 IN_LIMITS = 200  # number of chains in the limits of swarms that stand, and that are fast
 
@@ -35,9 +35,9 @@ BRACKETS = "[]: V_m and V_p within the factor by which trials were off, one stan
 CHANGED = 0.1  # share of links that is replaced while agents move this share of the length of links
 
 PLACES = {"v_m": (0.42, 1.9), "v_p": (0.73, 2.3)}
-"""Speed at the minimum and at the peak over that at which links last as long as the chain's hold, and the factor that
-says how far it is off, one standard deviation either way: that of V_m in the scenarios by which the places were fixed,
-that of V_p in those by which they were judged (docs/theory.md)."""
+"""Speed at the minimum and at the peak, relative to that at which links last as long as the chain's hold, and the
+factor of one standard deviation either way: for V_m in the scenarios by which the places were fixed, for V_p in those
+by which they were judged (docs/theory.md)."""
 
 
 class Prediction(NamedTuple):
@@ -51,7 +51,7 @@ class Prediction(NamedTuple):
     t_sync_fast: Estimate  # T_sync of the fastest swarms, in cycles
     t_sync_frozen: Estimate  # T_sync of swarms that stand and can synchronise, in cycles
     frozen_share: Estimate  # share of swarms that can synchronise though they stand
-    link_cm: float  # how far agents move until a link is gone
+    link_cm: float  # distance that agents move until a link is gone
     link_cycles: float  # the same in cycles, at the scenario's own speed
     graph: GraphMeasures
     pair: Pair  # two oscillators with this response curve
@@ -73,7 +73,7 @@ class Prediction(NamedTuple):
         }
 
     def table(self) -> Table:
-        """Return a table with a quantity a line."""
+        """Return a table with a row for each quantity."""
         rows: list[tuple[str, Any, str]] = [
             ("intermediate regime", self.intermediate_regime.verdict, ""),
             ("its probability", Share(self.intermediate_regime.probability), ""),
@@ -100,7 +100,7 @@ def predict(scenario: Scenario) -> Prediction:
 
 
 def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
-    """Return `predict` for each point of a scenario's sweep; chains are run once for points that differ in speed."""
+    """Return `predict` for each point of a scenario's sweep; points that differ only in speed share their chains."""
     kept: dict[str, Callable[[float], Prediction]] = {}
     found = []
     for point in points(scenario):
@@ -112,14 +112,14 @@ def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
 
 
 def sweep_table(name: str, found: Sequence[tuple[Point, Prediction]]) -> Table:
-    """Return the predictions of a sweep of this name, a point a line."""
+    """Return the predictions of a sweep of this name, with a row for each point."""
     notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
     rows = [Row(point.axes, prediction.cells) for point, prediction in found]
     return Table(name, rows, (BRACKETS, *notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
 
 
 def predictor(scenario: Scenario) -> Callable[[float], Prediction]:
-    """Return the prediction as a function of the speed, cm/s: a swarm's graph and chains tell of all of its speeds."""
+    """Return the prediction as a function of the speed, cm/s: a swarm's graph and chains serve for all speeds."""
     response, threshold, jitter = _oscillators(scenario)
     agents, period_s = scenario.population, scenario.scales["tau"]
     snapshots = take_snapshots(scenario, max(20, min(SNAPSHOTS, CELLS // agents**2)))
@@ -249,7 +249,7 @@ def without_speed(scenario: Scenario) -> dict[str, Any]:
 
 
 def _link_length(scenario: Scenario) -> float:
-    """Return how far agents move until a link is gone, in cm; NaN where none goes.
+    """Return the distance, cm, that agents move until a link is gone; NaN if none goes.
 
     A period in which a small share x of links is replaced changes 2 x / (1 + x) of those before and after it.
     """

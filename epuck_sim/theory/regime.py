@@ -1,10 +1,10 @@
-"""Whether a swarm has an intermediate regime, from chains whose links are renewed again and again.
+"""Judge whether a swarm has an intermediate regime, from chains whose links are renewed again and again.
 
 A chain keeps the links of a snapshot for some cycles, its hold, and then takes those of another, as the blinking
-networks of Belykh, Belykh and Hasler (2004) do. T_sync over the hold has the shape of T_sync over the speed: it falls
-as the hold does, because swarms wait for links less long, down to that of the fast limit. In between it may rise, where
-links are kept so long that clusters agree, and so short that they never agree with each other. Beardo, Prignano,
-Sagarra and Diaz-Guilera (2018, arXiv 1801.03973) find so where networks are sparse and not reciprocal: clusters are
+networks of Belykh, Belykh and Hasler (2004) do. T_sync over the hold has the shape of T_sync over the speed: with a
+shorter hold it falls, because swarms wait for links less long, down to that of the fast limit. In between it may rise,
+where links last long enough for clusters to agree, but not for clusters to agree with each other. Beardo, Prignano,
+Sagarra and Diaz-Guilera (2018, arXiv 1801.03973) find this where networks are sparse and not reciprocal: clusters are
 frustrated there.
 """
 
@@ -20,13 +20,13 @@ from epuck_sim.statistics.survival import QUANTILE
 from epuck_sim.theory.limits import Limit
 
 EVIDENCE = (-2.9, 3.4, 2.0)
-"""Log odds of an intermediate regime: without evidence, and what `Rise.log_ratio` and `Rise.excess` add to them, as
-fixed on trials of 130 random scenarios; docs/theory.md says how well they do on others."""
+"""Log odds of an intermediate regime without evidence, and what `Rise.log_ratio` and `Rise.excess` add to them per
+unit; fixed on trials of 130 random scenarios. docs/theory.md says how well they do on others."""
 
 HIDDEN, BEHIND_FALL = 0.3, 4.0
-"""Rise up to which the peak is looked for behind the steepest fall, and its hold over that where the fall begins."""
+"""Rise below which the peak is looked for behind the steepest fall, and its hold over that where the fall begins."""
 
-YES, NO = 0.7, 0.3  # probability from which on the verdict is yes, and up to which it is no; open in between
+YES, NO = 0.7, 0.3  # least probability for the verdict yes, and largest for no; open in between
 
 
 class Rise(NamedTuple):
@@ -37,8 +37,8 @@ class Rise(NamedTuple):
     excess: float
     """Logarithm of the steepest fall when the hold is halved, over 2, less its standard error; 0 or more.
 
-    A swarm that only waits for links takes half as long. Who takes much less has left a peak, though chains may not
-    end there, nor at the minimum before it."""
+    A swarm that only waits for links then takes half as long. One that takes much less has left a peak, though chains
+    may not end there, nor at the minimum before it."""
     minimum: float  # hold at the minimum, in cycles; NaN where it is not seen
     peak: float  # hold at the peak, in cycles
 
@@ -83,7 +83,7 @@ def judge(rise: Rise) -> Verdict:
 
 
 def time_at(course: Sequence[Limit], hold: float) -> Estimate:
-    """Return T_sync with a hold, between those of a course; that of the fast limit beyond its last."""
+    """Return T_sync with a hold, interpolated in a course; below its shortest hold, that of the fast limit."""
     *slower, fast = course
     if slower[0].hold <= hold < math.inf:
         return slower[0].cycles.apply(lambda cycles: cycles * hold / slower[0].hold)
@@ -95,7 +95,7 @@ def time_at(course: Sequence[Limit], hold: float) -> Estimate:
 
 
 def _log(limit: Limit) -> tuple[float, float]:
-    """Return the logarithm of T_sync and its standard error; of chains that have not ended, of their time."""
+    """Return the logarithm of T_sync and its standard error; if no chain has ended, that of all chains' time, and 1."""
     value, low, _ = limit.cycles.ends
     if math.isnan(value):
         return math.log(max(limit.waited, 1.0)), 1.0

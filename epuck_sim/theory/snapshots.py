@@ -1,8 +1,8 @@
 """Snapshots: who would receive whose pulse in swarms that are placed at random, and after they have moved freely.
 
-Those of agents are the package's own neighbour search, those of robots what their cameras, cones or radios reach. All
-snapshots of a swarm are one array, (snapshots, population, population): whether the first's pulse reaches the second.
-What their graphs have in common are means over snapshots, and shares of snapshots, with intervals.
+Those of agents come from the package's own neighbour search, those of robots from the reach of their cameras, cones or
+radios. All snapshots of a swarm are one array, (snapshots, population, population): whether the first's pulse reaches
+the second. Measures of their graphs are means over snapshots, and shares of snapshots, with intervals.
 """
 
 import math
@@ -39,7 +39,7 @@ def take_snapshots(scenario: Scenario, count: int) -> BoolArray:
 def changed_links(scenario: Scenario, speeds_cm_s: Sequence[float], count: int) -> FloatArray:
     """Return (speeds,) share of links that a period of free motion changes at each speed: 1 - |A and B| / |A or B|.
 
-    Agents walk as the scenario says; robots drive straight ahead, and turn at walls as light does. NaN without links.
+    Agents walk as in the scenario; robots drive straight ahead, and are reflected at walls. NaN without links.
     """
     seeds, tau_s = range(count), scenario.scales["tau"]
     if isinstance(scenario, EmbodiedScenario):
@@ -103,7 +103,7 @@ def _links_of_robots(scenario: EmbodiedScenario, poses: FloatArray) -> BoolArray
 
 
 def _with_cone(group: RobotGroup) -> RobotGroup:
-    """Return a group that hears pulses by radio as one that sees through bodies: in the same cones."""
+    """Return a group that receives pulses by radio as one that sees through bodies, in the same cones."""
     signal = group.signal
     if not isinstance(signal, RadioSignal):
         return group
@@ -112,7 +112,7 @@ def _with_cone(group: RobotGroup) -> RobotGroup:
 
 
 def _moved(scenario: EmbodiedScenario, poses: FloatArray, distance_cm: float) -> FloatArray:
-    """Return poses after so many cm straight ahead, mirrored at the walls."""
+    """Return poses after a distance straight ahead, mirrored at the walls."""
     moved = poses.copy()
     headings = np.stack([np.cos(poses[..., 2]), np.sin(poses[..., 2])], -1)
     for axis, side in enumerate((scenario.arena.width_cm, scenario.arena.height_cm)):
@@ -121,7 +121,7 @@ def _moved(scenario: EmbodiedScenario, poses: FloatArray, distance_cm: float) ->
         moved[..., axis] = np.where(beyond, 2 * side - folded, folded)
         headings[..., axis] *= np.where(beyond, -1, 1)
     moved[..., 2] = np.arctan2(headings[..., 1], headings[..., 0])
-    is_absent = ~np.array(scenario.present)  # and far outside
+    is_absent = ~np.array(scenario.present)  # absent robots stay where they are, far outside
     moved[:, is_absent] = poses[:, is_absent]
     return moved
 
@@ -129,7 +129,7 @@ def _moved(scenario: EmbodiedScenario, poses: FloatArray, distance_cm: float) ->
 class GraphMeasures(NamedTuple):
     """Measures of the graphs in a swarm's snapshots."""
 
-    links: Estimate  # links an agent: to how many others its pulse goes
+    links: Estimate  # links per agent: the number of others that its pulse reaches
     reciprocity: Estimate  # share of links whose receiver has a link back; NaN without links
     components: Estimate  # number of strongly connected components over that of agents
     sources: Estimate  # share of agents that are heard and hear nobody
@@ -162,7 +162,7 @@ def measure_graphs(snapshots: BoolArray) -> GraphMeasures:
 
 
 def count_components(snapshots: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return (snapshots,) number of strongly connected components, and of those of them without a way in."""
+    """Return (snapshots,) number of strongly connected components, and number of those without a way in."""
     count, population, _ = snapshots.shape
     which, sender, receiver = np.nonzero(snapshots)
     ends = which * population + sender, which * population + receiver
@@ -186,6 +186,6 @@ def mean(values: FloatArray) -> Estimate:
 
 
 def share(true: BoolArray) -> Estimate:
-    """Return the share of what is true with Wilson's 95 % interval."""
+    """Return the share of values that are true, with Wilson's 95 % interval."""
     value = float(true.mean())
     return Estimate(value, *wilson_interval(value, len(true)))
