@@ -72,7 +72,7 @@ def share(part: float, whole: float) -> float | None:
     return part / whole if whole else None
 
 
-Rule = tuple[Callable[[Any], bool], str]  # test whether a parameter is allowed, and text that says what is
+Rule = tuple[Callable[[Any], bool], str]  # test of a parameter, and text that says what is allowed
 
 BELOW_HALF_A_CYCLE: Rule = (lambda cycles: 0 <= cycles < 0.5, "0 up to 0.5, in cycles")
 ABOVE_0: Rule = (lambda number: number > 0, "above 0")

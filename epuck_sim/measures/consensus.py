@@ -1,9 +1,9 @@
 """Agreement on a word that flashes carry: the naming game and the voter model (thesis 6.2 leaves other tasks open).
 
-Each robot or agent begins with a word of its own. A flash carries one of the words that its sender knows to all who see
-the flash; the sender does not learn who they are. In the naming game, a hearer that knows the word forgets all others,
-and one that does not adds it: the variant in which only hearers change (Baronchelli, Phys. Rev. E 83, 046103, 2011), as
-a flash brings no answer. A voter keeps only the word that it hears last. Words have no effect on behaviour.
+Each robot or agent begins with a word of its own. A flash carries one of the words that its sender knows; all that see
+the flash hear the word, and the sender does not learn which these are. In the naming game, a hearer that knows the word
+forgets all others, and one that does not adds it: the variant in which only hearers change (Baronchelli, Phys. Rev. E
+83, 046103, 2011), as a flash brings no answer. A voter keeps only the word heard last. Words change no behaviour.
 """
 
 from dataclasses import dataclass

@@ -201,7 +201,7 @@ class ComponentCount(_Components):
 
 
 class LargestComponent(_Components):
-    """Share of robots or agents in the largest component, of those of `component_count`, at each cycle (series)."""
+    """Share of robots or agents in the largest component (see `component_count`) at each cycle (series)."""
 
     def of_sizes(self, sizes: IntArray) -> float:
         return float(sizes.max() / sizes.sum())

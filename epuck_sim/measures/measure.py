@@ -42,7 +42,7 @@ class Measure:
 
     name: str  # name of its value in results
     stored_name: str
-    """Name by which it is found again: that of a shipped or installed one, or the path in FILE.py:NAME."""
+    """Name by which it is found again: that of a shipped or installed one, or FILE.py:NAME with the file's path."""
     make: Callable[..., Any]  # the class or function
     parameters: Mapping[str, Parameter]  # name and default of each parameter
     sources: Mapping[Path, bytes]
@@ -79,7 +79,7 @@ class Measure:
             )
 
     def check_scenario(self, scenario: Any, parameters: Mapping[str, Parameter]) -> None:
-        """Raise ValueError if it cannot measure trials of a scenario, with all defaults filled in, with parameters."""
+        """Raise ValueError if it cannot, with these parameters, measure trials of a resolved scenario."""
         check = getattr(self.make, "check_scenario", None)
         if check is not None:
             check(scenario, SimpleNamespace(**parameters))
@@ -129,7 +129,7 @@ NAMED = {"UNIT": "", "OVER": "cycle"}
 """Constants that a measure, or its file, may have, and their defaults: see `Measure.unit` and `over`."""
 
 SERIES_COLUMNS = ("trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
-"""Columns of a table of series after that of its items; `known` is the number of trials that have a value there."""
+"""Columns of a table of series after the one of its items; `known` is the number of trials that have a value there."""
 
 MEASURE = Kind(
     noun="measure",

@@ -19,7 +19,7 @@ class OrderParameter(Series):
 
 
 def read_thresholds(text: str) -> list[float]:
-    """Return the numbers in a text, between blanks or commas; raise ValueError unless all are above 0 and up to 1.
+    """Return the numbers in a text, split at blanks or commas; raise ValueError if there are none, or one is not valid.
 
     >>> read_thresholds("0.5, 0.95")
     [0.5, 0.95]

@@ -99,7 +99,7 @@ def _opened(path: Path) -> Iterator[tuple[int, Callable[[], bool]]]:
 
 
 def is_at(path: Path, opened: os.stat_result) -> bool:
-    """Return whether an open file, which had the status `opened` then, still has this name."""
+    """Return whether a file, whose status was `opened` when it was opened, still has this name."""
     try:
         return os.path.samestat(path.stat(), opened)
     except OSError:

@@ -143,7 +143,7 @@ class Store:
         return cycles.astype(float), censored == 0
 
     def plan(self, trials: Mapping[str, int]) -> None:
-        """Store the planned number of trials of points, by their keys, but no less than covers their stored trials."""
+        """Store the planned number of trials of points, by their keys; it is at least that of their stored trials."""
         count = "max(?, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key))"
         rows = [(number, key) for key, number in trials.items()]
         with sqlite_errors(self._path), self._connection:

@@ -394,7 +394,7 @@ def _fit_measure(run: str, of: str, axis: str, curve: Curve) -> MeasureFit:
     if reason:
         return MeasureFit(*head, None, None, reason)
     fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
-    assert fit is not None  # with so many points
+    assert fit is not None  # there are `MIN_SPEEDS` points or more
     return MeasureFit(*head, find_minimum(fit), find_peak(fit), "")
 
 

@@ -94,11 +94,11 @@ def _relative_spread(measured: Measured) -> float:
 
 
 def trials_needed(spreads: Sequence[float], difference: float, power: float = POWER) -> int:
-    """Return the trials per point that two samples need each for their difference to be seen with this probability.
+    """Return the trials per point that each of two samples needs to show their difference with this probability.
 
-    Seen means p < 0.05. The difference is relative to the smaller mean. With one relative spread, it is seen at that
-    point; with several, over all points together, if all differ alike. Logarithms of means are taken as normal, and the
-    spreads as those of both samples.
+    To show it takes p < 0.05. The difference is relative to the smaller mean. With one relative spread, it is shown at
+    that point; with several, over all points together, if all differ alike. Logarithms of means are taken as normal,
+    and the spreads as those of both samples.
 
     >>> trials_needed([0.8], 0.2), trials_needed([0.8] * 20, 0.2)
     (303, 16)

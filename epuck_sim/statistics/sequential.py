@@ -26,7 +26,7 @@ _NODES = 48  # number of nodes of the Gauss-Legendre quadrature: with 24, the le
 
 
 class Precision(NamedTuple):
-    """Precision asked of intervals: their largest half-width."""
+    """Requested precision of intervals: their largest half-width."""
 
     reach: float  # half of the width, in cycles, or relative to the estimate
     is_relative: bool
@@ -81,7 +81,7 @@ def look_level(sizes: tuple[int, ...]) -> float:
 
 @lru_cache
 def look_boundary(sizes: tuple[float, ...], level: float) -> float:
-    """Return the number of standard errors within which means at all looks are with the probability `level`."""
+    """Return the number of standard errors that a mean deviates by at most, at all looks, with probability `level`."""
     return float(brentq(lambda boundary: probability_within(boundary, sizes) - level, 1, 8))
 
 
@@ -102,7 +102,7 @@ def looks_p_value(p_value: float, looks: int) -> float:
 
 
 def probability_within(boundary: float, sizes: tuple[float, ...]) -> float:
-    """Return the probability that a mean is within so many standard errors of the truth at every look.
+    """Return the probability that a mean is within `boundary` standard errors of the truth at every look.
 
     The density of the deviations that were within so far is carried from look to look (Armitage, McPherson and Rowe
     1969); the correlation between the deviations of n of m trials and of all m is the root of n / m.

@@ -112,7 +112,7 @@ def _slots(client: "Client", address: str) -> Callable[[], int]:
 
 
 OwnFiles = dict[tuple[str, ...], tuple[str, ...]]
-"""Users' files of scenarios, see `own_files`, by the names of what is compiled for them."""
+"""Users' files of scenarios, see `own_files`, by `Scenario.compiled`."""
 
 
 class SameVersionsExecutor(Executor):

@@ -45,7 +45,7 @@ class Looks:
     def __init__(self, until: str, contrast: str | None = None) -> None:
         """Set the largest half-width of intervals: `10%` of the estimate, or `3` cycles.
 
-        With `contrast`, an axis or an ending of its key, they are those of ratios, or differences, to its first value.
+        With `contrast`, an axis or an ending of its key, intervals are of ratios, or differences, to its first value.
         """
         self._precision, self._key = Precision.parse(until), contrast
         self.narrow = 0

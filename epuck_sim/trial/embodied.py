@@ -68,7 +68,7 @@ class SynchronyWatch:
         self.order_parameter = None
 
     def look(self, step: Step, *, is_firing: bool) -> None:
-        """Record a step, in which the reference may fire (`Simulation.is_firing`), but not in steps left out before."""
+        """Record a step; the reference may fire in it (`Simulation.is_firing`), but not in steps skipped before it."""
         if not self.measures:
             self.cycles = int((step.number + 1) / self._steps_a_cycle)
         elif is_firing:
@@ -155,7 +155,7 @@ def run_robots(
 ) -> TrialResult:
     """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
-    Without observers, Python sees only the steps in which the reference fires, which is much quicker.
+    Without observers, only the steps in which the reference fires are looked at, which is much quicker.
     """
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
