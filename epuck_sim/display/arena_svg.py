@@ -43,7 +43,7 @@ def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on
     walls = _corners([(0, top), (width, top), (width, bottom), (0, bottom)])
     parts = [element("polygon", points=walls, fill="none", stroke="currentColor", stroke_width=stroke)]
     if not arena.floor.is_white:
-        box = f"0 0 {width:.5g} {arena.height_cm:.5g}"  # a picture in the picture shows nothing beyond it
+        box = f"0 0 {width:.5g} {arena.height_cm:.5g}"  # a picture in the picture is clipped at its edges
         place = {"x": 0, "y": top, "width": width, "height": arena.height_cm}
         parts.insert(0, element("svg", *_draw_floor(arena), viewBox=box, class_="floor", **place))
     for x, y, radius in arena.circles.tolist():

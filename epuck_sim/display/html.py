@@ -55,7 +55,7 @@ def to_html(*nodes: Node) -> str:
 
 
 def in_words(seconds: float) -> str:
-    """Return a time as people say it.
+    """Return a time as text for people.
 
     >>> in_words(42), in_words(200), in_words(20000)
     ('42 s', '3 min', '5.6 h')
@@ -93,7 +93,7 @@ figure > svg { display: block; width: 100%; max-width: 40rem; height: auto; back
 """Style of the page."""
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-"""Content policy of a page: it loads and runs nothing, whatever names and messages of others stand in it."""
+"""Content policy of a page: it loads and runs nothing, whatever names and messages of others it contains."""
 
 
 def write_html(path: Path | str, make: Callable[[], str]) -> None:

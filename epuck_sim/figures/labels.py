@@ -31,7 +31,7 @@ SYMBOLS = {
 """Symbol in the thesis or the field, and unit, by the last two parts of a key, or by the last one."""
 
 UNITS = {"cm_s": "cm/s", "cm": "cm", "ms": "ms", "s": "s", "deg": "°", "rad": "rad", "px": "px", "kg": "kg"}
-"""Units by what keys end with."""
+"""Units by the endings of keys."""
 
 UNIT_ENDING = re.compile(rf"(.+)_({'|'.join(UNITS)})")
 

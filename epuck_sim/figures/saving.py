@@ -42,7 +42,7 @@ class Target(NamedTuple):
 
 
 def parse_target(path: Path) -> Target:
-    """Return where to write the figure that is to go to `path`, a stem or the file of one picture.
+    """Return the files of a figure for `path`, which is a stem or the file of one picture.
 
     >>> parse_target(Path("fig.pdf")).formats, parse_target(Path("fig-0.5")).formats
     (('.pdf',), ('.png', '.svg'))

@@ -42,7 +42,7 @@ LINE_LENGTH = 120  # most characters in a line of the title
 
 
 def check_drawable(recorded: Recorded, origin: str) -> None:
-    """Raise RecordingError for a recording without poses or without steps; `origin` is what the message calls it."""
+    """Raise RecordingError for a recording without poses or without steps; `origin` is its name in the message."""
     if recorded.level is Level.SUMMARY:
         raise RecordingError(
             f"{origin}: holds no poses, so that trajectories cannot be drawn; record the trial again with "

@@ -33,7 +33,7 @@ EVENT_METHODS = {STEP_METHOD: "every control step of robots", "event": "every ev
 CYCLE_METHOD = "cycle"  # method that is called after every firing of the reference
 
 CALLED = (*EVENT_METHODS, STRETCH_METHOD, CYCLE_METHOD, "value", "check", "check_scenario")
-"""Methods that are called where a measure has them."""
+"""All methods that are called, if a measure has them."""
 
 
 @dataclass(frozen=True, eq=False)

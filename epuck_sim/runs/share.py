@@ -30,7 +30,7 @@ class Share(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the share that a text such as 3/40 names."""
+        """Return the share that is written as 3/40, for example."""
         match = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
         if match is None or not 1 <= int(match[1]) <= int(match[2]):
             raise EpuckSimError(f"--share is {text}; allowed: K/N with K from 1 to N, as in 3/40")

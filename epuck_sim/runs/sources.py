@@ -35,7 +35,7 @@ DIGESTS = "SHA256SUMS"
 NO_FILES = ("name", "description", "figure")  # keys of a scenario whose values are never names of files
 CODE = (".py", ".c", ".h", ".so")  # endings of files that are run, or compiled and run
 
-_PARAMETER = re.compile(r"measures\.\d+\.")  # begins the key of an axis over a parameter of a measure
+_PARAMETER = re.compile(r"measures\.\d+\.")  # beginning of the key of an axis over a measure's parameter
 _trusted: set[str] = set()  # digests of the code that was trusted in this process
 
 

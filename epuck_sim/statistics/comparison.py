@@ -50,7 +50,7 @@ class Pair(NamedTuple):
 
     @property
     def is_share(self) -> bool:
-        """Whether both are of truth values."""
+        """Whether the values of both are truth values."""
         return self.first.is_share and self.second.is_share
 
     @property
@@ -131,7 +131,7 @@ Permuted = tuple[FloatArray, FloatArray]
 def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTATIONS) -> Permuted:
     """Return the contrast of two samples, and those after permutations of trials between them.
 
-    Neither is censored before the horizon. Equal seeds give the same `count` permutations.
+    Neither may have trials that are censored before the horizon. Equal seeds give the same `count` permutations.
     """
     # sorted, so that the order in which trials are stored does not matter
     pooled = np.concatenate([np.sort(each.values) for each in pair])
@@ -214,7 +214,7 @@ class PointComparison(NamedTuple):
 
     axes: dict[str, Any]
     trials: tuple[int, int]
-    censored: tuple[float, float]  # share of the trials of each, at the lower of the two limits
+    censored: tuple[float, float]  # share of censored trials of each, at the lower of the two limits
     statistic: str
     """Mean, restricted mean where trials are censored, or share of truth values that are true."""
     first: Estimate  # undetermined where all trials are censored, as are difference and ratio then

@@ -42,7 +42,7 @@ class Curve(NamedTuple):
     statistic: Statistic
     x: FloatArray  # (S,) values of the axis, ascending
     trials: IntArray  # (S,) number of trials
-    censored: FloatArray  # (S,) share of the trials
+    censored: FloatArray  # (S,) share of censored trials
     values: FloatArray  # (S,) the statistic; NaN where undetermined
     intervals: FloatArray  # (S, 2) 95 % intervals; NaN where there is none, inf where an end is not reached
     resampled: FloatArray  # (B, S) the statistic of resamples; inf or NaN where undetermined

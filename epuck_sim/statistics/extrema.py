@@ -54,7 +54,7 @@ class Place(NamedTuple):
     """A speed, cm/s, a time, cycles, or another number of a curve."""
 
     estimate: Estimate
-    resampled: FloatArray  # (B,) that of each resample; NaN where it has none
+    resampled: FloatArray  # (B,) value in each resample; NaN where it has none
 
 
 class Extrema(NamedTuple):
@@ -63,7 +63,7 @@ class Extrema(NamedTuple):
     values: FloatArray  # (n,)
     intervals: FloatArray  # (n, 2) 95 % intervals: low and high
     p_value: float  # probability that noise makes one as strong on a curve without any
-    resampled: FloatArray  # (B, n) that of each resample
+    resampled: FloatArray  # (B, n) values in each resample
 
     @property
     def is_found(self) -> bool:

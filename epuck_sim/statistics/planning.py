@@ -21,7 +21,7 @@ class PointPlan(NamedTuple):
     point: int
     axes: dict[str, Any]
     stored: int  # number of trials that have a value
-    statistic: str  # what the mean is: mean, restricted mean, or share of truth values that are true
+    statistic: str  # kind of mean: mean, restricted mean, or share of truth values that are true
     mean: float  # cycles, or the measure's unit; NaN where it is undetermined
     spread: float  # standard deviation of a trial over the size of the mean; NaN with too few trials, and of shares
     trials: int | None  # trials of each of two sweeps that show the difference; None where that cannot be said

@@ -52,7 +52,7 @@ class Looks:
         """Number of points whose intervals are narrow enough."""
 
     def check(self, points: Sequence[Point]) -> None:
-        """Raise EpuckSimError for a sweep whose trials have no T_sync, that may have too few, or lacks the contrast."""
+        """Raise EpuckSimError for a sweep without T_sync, with too low a limit of trials, or without the contrast."""
         scenario = points[0].scenario
         if any(point.scenario.stop.order_parameter is None for point in points):
             raise EpuckSimError("--until is about T_sync, which trials have none of: stop.order_parameter is null")

@@ -86,7 +86,7 @@ def run_sweep(
             counts = until.begin(store, all_points, finished)
         wanted = [ours.trials(number, count) for number, count in enumerate(counts)]
         total = sum(map(len, wanted))
-        # a share that got further points may have trials that now belong to others
+        # if points were added, a share may have trials that now belong to others
         stored = sum(starmap(finished.count, enumerate(wanted)))
         progress = SweepProgress(total, stored, store.censored(), 0, 0, narrow=None if until is None else until.narrow)
         observer(progress)

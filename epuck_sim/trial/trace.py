@@ -50,7 +50,7 @@ class Trace:
             path: File to write, in the format Parquet.
             scenario: Scenario of the trial, of model `embodied`.
             seed: Seed of the trial.
-            memory: Fields of the controllers' MEMORY, each to be a column `memory.NAME`.
+            memory: Fields of the controllers' MEMORY, each of which becomes a column `memory.NAME`.
             relations: Whether columns list whom each robot sees lit, and whom it touches.
 
         Raises:

@@ -29,7 +29,7 @@ DASHES: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7, "zorder": 
 PLACE: dict[str, Any] = {"markerfacecolor": "white", "markersize": 5, "linewidth": 0.7}  # looks of V_m and V_p
 EDGE = 0.04  # length of the marks of the limits at the edges of a panel, as a share of its width
 
-CELLS = ("regime", "probability", "v_m", "v_p", "t_frozen", "frozen_share", "t_fast")  # of the table
+CELLS = ("regime", "probability", "v_m", "v_p", "t_frozen", "frozen_share", "t_fast")  # cells of the table
 
 CAPTION = (
     "dashed is T_sync as predict has it from who hears whom, without a trial: its course, at the left edge that of "
