@@ -57,7 +57,7 @@ class Tables(Trials):
         self._times = read_times()
 
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
-        """Return the points of a sweep, with what a check takes of their measure."""
+        """Return the points of a sweep, with the results of the measure that a check uses."""
         table, of = read_table(sweep), None if check is None else check.of
         measured = [json.loads(value) for value in table.columns[column(check)]] if check and of else None
         swept = self._points[sweep]

@@ -49,8 +49,8 @@ def plot(
         results: A run folder, or what `read_points` returns of one, or several folders of one scenario.
         of: Name of a measure of the folders' trials; T_sync by default.
         names: Name of each of several folders in the figure; their own by default.
-        ax: Axes to draw into, one for each panel. They get neither title nor legend, but all marks have labels, which
-            `ax.legend()` shows. By default there is a new figure with a legend.
+        ax: Axes to draw into, one for each panel. They get no legend, but all marks have labels, which `ax.legend()`
+            shows, and titles only where there are several panels. By default there is a new figure with a legend.
         options: Keys of the section `figure` of scenarios, instead of the scenario's own: `form`, `x`, `y`, `panels`,
             `statistic`, `censored_at_cycles`, `title`, `labels`, `scale`, `points`, `theory`, `width_cm` and `font_pt`.
 

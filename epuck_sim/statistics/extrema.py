@@ -285,7 +285,8 @@ def find_fast_speed(curve: Curve) -> Place | None:
     """Find V_f, the speed above which T_sync is less than twice that at the largest speed.
 
     Where T_sync is unknown because all trials are censored, it counts as the limit of cycles. There is no V_f if T_sync
-    is nowhere that long or still falls at the largest speeds, or if a point has fewer than `MIN_TRIALS` trials.
+    is nowhere that long or still falls at the largest speeds, if there are fewer than two speeds above 0, if trials at
+    the largest are censored, or if a point has fewer than `MIN_TRIALS` trials.
     """
     moving = curve.x > 0
     if np.count_nonzero(moving) < 2 or curve.trials[moving].min() < MIN_TRIALS or curve.censored[-1] > 0:
