@@ -38,6 +38,7 @@ def _write_parameters(parameters: list[Any]) -> Iterator[str]:
 def _write_name(parameter: Any) -> str:
     if parameter.param_type_name == "argument":
         name = parameter.metavar or parameter.name.upper()
+        name += "..." * (parameter.nargs != 1)
         return f"`{name}`" if parameter.required else f"`[{name}]`"
     names = ", ".join(parameter.opts)
     return f"`{names}`" if parameter.is_flag else f"`{names} {parameter.metavar or parameter.name.upper()}`"

@@ -34,7 +34,7 @@ ArenaOption = Annotated[str | None, arena_option("60")]
 HeightOption = Annotated[
     float | None,
     geometry_option(
-        "--height-cm", "Height of the camera above the floor; by default 110 for a side of 60.", min=10, max=100_000
+        "--height-cm CM", "Height of the camera above the floor; by default 110 for a side of 60.", min=10, max=100_000
     ),
 ]
 CornersOption = Annotated[
@@ -52,7 +52,7 @@ TagsOption = Annotated[
 PeriodOption = Annotated[
     float | None,
     decision_option(
-        "--period-s",
+        "--period-s S",
         "Period of the oscillators; by default as the film describes it, or estimated.",
         min=0.1,
         max=86_400,
@@ -61,7 +61,7 @@ PeriodOption = Annotated[
 RobotsOption = Annotated[
     int | None,
     decision_option(
-        "--robots",
+        "N",
         "Number of robots; by default as the film describes it. T_sync is unknown if flashes do not add up to it.",
         min=1,
     ),
@@ -139,7 +139,7 @@ def track(
     film: Annotated[str | None, argument("FILM", "The file of a film, of any format, or its URL.")] = None,
     camera: Annotated[
         int | None,
-        film_option("--camera", "Track a live camera instead, until the swarm is synchronised or Ctrl-C.", min=0),
+        film_option("N", "Track a live camera instead, until the swarm is synchronised or Ctrl-C.", min=0),
     ] = None,
     web: Annotated[
         bool, camera_option("--web", "Show what --camera sees, with rings and histogram, in a browser.")
@@ -147,13 +147,13 @@ def track(
     port: options.PortOption = None,
     record: Annotated[Path | None, camera_option("FILE.mp4", "Write what --camera sees, to track it again.")] = None,
     start: Annotated[
-        float, film_option("--start-s", "Leave out what is before this time on the film's clock.", min=0)
+        float, film_option("--start-s S", "Leave out what is before this time on the film's clock.", min=0)
     ] = 0.0,
     end: Annotated[
-        float | None, film_option("--end-s", "Leave out what is after this time on the film's clock.", min=0)
+        float | None, film_option("--end-s S", "Leave out what is after this time on the film's clock.", min=0)
     ] = None,
     fps: Annotated[
-        float | None, film_option("--fps", "Frames per second, instead of the film's time stamps.", min=0.1, max=10_000)
+        float | None, film_option("N", "Frames per second, instead of the film's time stamps.", min=0.1, max=10_000)
     ] = None,
     arena: ArenaOption = None,
     height: HeightOption = None,
@@ -165,7 +165,7 @@ def track(
     threshold: Annotated[
         float | None,
         decision_option(
-            "--threshold-ms",
+            "--threshold-ms MS",
             "Histogram: standard deviation of a period's flashes at synchrony; by default about 130 for 5 s.",
             min=1,
             max=86_400_000,
@@ -174,7 +174,7 @@ def track(
     order: Annotated[
         float | None,
         decision_option(
-            "--order-parameter",
+            "--order-parameter R",
             "T_sync: order parameter from which the swarm is synchronised; by default 0.95.",
             min=LEAST_ORDER,
             max=1,
@@ -264,7 +264,7 @@ def compare_film(
     film: Annotated[str, argument("FILM", "The file of a film, of any format, or its URL.")],
     scenario: options.ScenarioArgument,
     settings: options.SetOption = None,
-    trials: Annotated[int, option("--trials", "Number of simulated trials.", min=1, max=10_000)] = 40,
+    trials: Annotated[int, option("N", "Number of simulated trials.", min=1, max=10_000)] = 40,
     arena: Annotated[str | None, arena_option("as in SCENARIO")] = None,
     height: HeightOption = None,
     corners: CornersOption = None,

@@ -31,7 +31,7 @@ def option(shown: str, said: str, heading: str | None = None, **more: Any) -> An
     """
     name, _, value = shown.partition(" ") if shown.startswith("-") else ("", "", shown)
     names = [name] if name else []
-    return typer.Option(*names, metavar=value or None, help=said, rich_help_panel=heading, **more)
+    return typer.Option(*names, metavar=value, help=said, rich_help_panel=heading, **more)
 
 
 def argument(shown: str, said: str, **more: Any) -> Any:
@@ -156,7 +156,7 @@ InterpretOption = Annotated[bool, controllers_option("--interpret", "Run control
 WebOption = Annotated[bool, live_option("--web", "Show it in a browser instead of a window.")]
 PortOption = Annotated[int | None, live_option("PORT", f"Port of --web; {WEB_PORT} by default.", min=1, max=65535)]
 FolderArgument = Annotated[Path, argument("FOLDER", "A run folder, as `run --out` makes it.", show_default=False)]
-FoldersArgument = Annotated[list[Path], argument("FOLDER...", "Run folders, as `run --out` makes them.")]
+FoldersArgument = Annotated[list[Path], argument("FOLDER", "Run folders, as `run --out` makes them.")]
 OfOption = Annotated[
     str | None,
     option(

@@ -70,8 +70,8 @@ def summarize(
 
 @results.command()
 def fit(
-    folders: Annotated[list[Path], argument("FOLDER...", "Run folders of sweeps over speed.")],
-    statistic: Annotated[Statistic, option("--statistic", _STATISTIC_HELP)] = Statistic.MEAN,
+    folders: Annotated[list[Path], argument("FOLDER", "Run folders of sweeps over speed.")],
+    statistic: Annotated[Statistic, option("mean|median|weibull-mean", _STATISTIC_HELP)] = Statistic.MEAN,
     of: options.OfOption = None,
     x: Annotated[str | None, option("--x KEY", "Axis of --of; by default the speed.")] = None,
     as_json: options.JsonOption = False,
@@ -100,7 +100,7 @@ def fit(
 
 @results.command()
 def compare(
-    folders: Annotated[list[Path], argument("FOLDER...", "Run folders with the same axes; or one, for --axis.")],
+    folders: Annotated[list[Path], argument("FOLDER", "Run folders with the same axes; or one, for --axis.")],
     axis: Annotated[
         list[str] | None, option("KEY=A,B,...", "Compare values of an axis of one folder: robots.0.count=5,10")
     ] = None,
@@ -150,7 +150,7 @@ def compare(
 
 @results.command(cls=options.FoldedCommand)
 def plot(
-    results: Annotated[list[Path], argument("FOLDER...", "Run folders of one scenario, or FILE.rrd, a recording.")],
+    results: Annotated[list[Path], argument("FOLDER", "Run folders of one scenario, or FILE.rrd, a recording.")],
     of: options.OfOption = None,
     form: Annotated[
         Form | None, option("FORM", f"One of {', '.join(Form)}; by default as the scenario says, or curves.")
@@ -167,7 +167,7 @@ def plot(
             "FOLDER/T_sync or FOLDER/NAME_OF_MEASURE, and -FORM where one is given, or the recording's name.",
         ),
     ] = None,
-    statistic: Annotated[Statistic | None, looks_option("NAME", _STATISTIC_HELP)] = None,
+    statistic: Annotated[Statistic | None, looks_option("mean|median|weibull-mean", _STATISTIC_HELP)] = None,
     censored_at: Annotated[
         int | None, looks_option("CYCLES", "For violins: estimate the mean as if trials were censored there.", min=1)
     ] = None,
@@ -285,7 +285,7 @@ def plan(
     quick: options.QuickOption = False,
     seconds: Annotated[
         float | None,
-        option("--seconds", "Seconds to spend on timing trials of a scenario; 20 by default.", min=0.1, max=3600),
+        option("S", "Seconds to spend on timing trials of a scenario; 20 by default.", min=0.1, max=3600),
     ] = None,
     workers: options.WorkersOption = None,
     trust: options.TrustOption = False,
@@ -336,7 +336,7 @@ def plan(
 
 @results.command()
 def replicate(
-    claims: Annotated[list[str] | None, argument("CLAIM...", "Claims, such as R36; all by default.")] = None,
+    claims: Annotated[list[str] | None, argument("CLAIM", "Claims, such as R36; all by default.")] = None,
     out: Annotated[Path, option("FOLDER", "Folder of the page and its run folders.")] = Path("replication"),
     file: Annotated[
         Path | None, option("--claims FILE.yaml", "Ask the claims of this file instead of the thesis's.")

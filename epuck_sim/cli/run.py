@@ -45,7 +45,9 @@ def run(
     ] = False,
     level: Annotated[
         Level | None,
-        options.more_output_option("--record-level", "How much is recorded, or shown live; full by default."),
+        options.more_output_option(
+            "--record-level summary|poses|full", "How much is recorded, or shown live; full by default."
+        ),
     ] = None,
     speed: Annotated[
         float | None,
