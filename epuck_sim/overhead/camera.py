@@ -260,11 +260,13 @@ def _checkerboard_corners(grey: Light, squares: tuple[int, int]) -> View:
 def _charuco_corners(grey: Light, squares: tuple[int, int]) -> View:
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
     pattern = cv2.aruco.CharucoBoard(squares, 1.0, MARKER_SHARE, dictionary)
-    pixels, numbers, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(grey)
-    if numbers is None or len(numbers) < MIN_POINTS:
-        return {}
-    places = np.asarray(pattern.getChessboardCorners())[np.ravel(numbers)].tolist()
-    return dict(zip(map(tuple, places), np.asarray(pixels).reshape(-1, 2), strict=True))
+    for is_legacy in (False, True):  # of OpenCV before 4.6, whose boards with even rows differ
+        pattern.setLegacyPattern(is_legacy)
+        pixels, numbers, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(grey)
+        if numbers is not None and len(numbers) >= MIN_POINTS:
+            places = np.asarray(pattern.getChessboardCorners())[np.ravel(numbers)].tolist()
+            return dict(zip(map(tuple, places), np.asarray(pixels).reshape(-1, 2), strict=True))
+    return {}
 
 
 def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> LensFile:

@@ -129,10 +129,11 @@ def checkerboard(columns, rows):
     return np.pad(board, SQUARE_PX, constant_values=255)
 
 
-def charuco(columns, rows):
-    """Return a picture of a ChArUco board, white around it."""
+def charuco(columns, rows, is_legacy=False):
+    """Return a picture of a ChArUco board, white around it; with an even number of rows, OpenCV's before 4.6 differ."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
     board = cv2.aruco.CharucoBoard((columns, rows), 1.0, 0.7, dictionary)
+    board.setLegacyPattern(is_legacy)
     drawn = board.generateImage((columns * SQUARE_PX, rows * SQUARE_PX))
     return np.pad(drawn, SQUARE_PX, constant_values=255)
 

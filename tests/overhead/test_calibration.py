@@ -330,15 +330,20 @@ SIZE = (480, 360)
 
 
 @pytest.mark.parametrize(
-    ("kind", "k1", "k2", "is_fisheye"),
-    [("checkerboard", -0.25, 0.05, False), ("charuco", -0.1, 0.0, False), ("checkerboard", 0.02, -0.01, True)],
+    ("board", "is_charuco", "k1", "k2", "is_fisheye"),
+    [
+        (cameras.checkerboard(9, 6), False, -0.25, 0.05, False),
+        (cameras.charuco(9, 6), True, -0.1, 0.0, False),
+        (cameras.charuco(9, 6, is_legacy=True), True, -0.1, 0.0, False),
+        (cameras.checkerboard(9, 6), False, 0.02, -0.01, True),
+    ],
 )
-def test_a_board_tells_the_lens(kind, k1, k2, is_fisheye, tmp_path) -> None:
-    draw, coefficients = getattr(cameras, kind), (k1, k2, 0.0, 0.0)
+def test_a_board_tells_the_lens(board, is_charuco, k1, k2, is_fisheye, tmp_path) -> None:
+    coefficients = (k1, k2, 0.0, 0.0)
     matrix = cameras.lens_matrix(315.0, SIZE)
     true_lens = Lens(matrix[0, 0], matrix[1, 1], (matrix[0, 2], matrix[1, 2]), coefficients, is_fisheye)
-    frames = cameras.film_of(draw(9, 6), matrix, np.array(coefficients), is_fisheye, SIZE, 10)
-    views = find_views(frames, (9, 6), kind == "charuco")
+    frames = cameras.film_of(board, matrix, np.array(coefficients), is_fisheye, SIZE, 10)
+    views = find_views(frames, (9, 6), is_charuco)
     found = calibrate_lens("film", views, SIZE, is_fisheye)
     assert found.views >= MIN_VIEWS
     assert found.error_px < 0.5
