@@ -197,7 +197,7 @@ test ask whether both samples have one distribution; points at which all trials 
 table, the sum of z squared of the first test is compared with chi-square (differences either way), and the sum of z
 with the normal distribution (a shift). p-values of all points, and of all tables, are corrected by Holm's method;
 something is found if the smallest of either is below {level}. The ratio of means, ours over theirs, is the geometric
-mean over points, with its 95 % interval; means are restricted to the limit.
+mean over points, with its 95 % interval; means of censored trials are restricted to the limit of cycles.
 
 Robots of chapter 3 see by Enki's camera in both ([signals.md](signals.md)).
 
@@ -215,7 +215,7 @@ def write_page(tables: Sequence[Overall], page: Path, figure: Path, command: str
     """Write the page and its figure."""
     smallest, overall = findings(tables)
     verdict = (
-        f"**{'Something is found' if min(smallest, overall) < LEVEL else 'Nothing is found'}**: "
+        f"**{'A difference is found' if min(smallest, overall) < LEVEL else 'No difference is found'}**: "
         f"{sum(each.compared for each in tables)} points are compared, in which the smallest corrected p-value is "
         f"{smallest:.2g}; that of whole tables is {overall:.2g}."
     )

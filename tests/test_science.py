@@ -151,5 +151,5 @@ def test_tables_have_the_points_and_trials_that_their_page_names() -> None:
 @pytest.mark.slow
 def test_nothing_is_found_at_a_tenth_of_the_points(tmp_path) -> None:
     assert main([str(tmp_path), "--every", "10"]) == 0
-    assert "**Nothing is found**" in (tmp_path / "validation.md").read_text()
+    assert "**No difference is found**" in (tmp_path / "validation.md").read_text()
     assert (tmp_path / "figures/validation.png").stat().st_size > 10_000
