@@ -48,6 +48,12 @@ def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
     assert "helper.py:2: RuntimeError: no half (in the controller" in result.stderr
 
 
+def test_what_libraries_say_to_libraries_is_no_note(tmp_path) -> None:
+    warns = "import warnings\nwarnings.warn('old', type('Old', (UserWarning, DeprecationWarning), {}))\n"
+    write(tmp_path, mine=warns + "def mine(simulation):\n    return 1\n")
+    assert called("run", "pair", "--measure", "mine.py", "--set", "stop.max_cycles=1")
+
+
 def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it_has_but_for_set(tmp_path):
     write(tmp_path, mine=with_parameters("{'speed_cm_s': 1.0, 'gain': 2.0}"))
     (tmp_path / "two.yaml").write_text("robots: [{count: 1, parameters: {speed_cm_s: 5, coupling: 0.2}}, {count: 2}]")
