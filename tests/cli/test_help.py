@@ -24,6 +24,7 @@ def test_h_is_short_for_help_and_that_of_the_first_commands_fits_a_screen_with_t
         assert len(told.splitlines()) <= 40, command
         assert max(map(len, told.splitlines())) <= 80, command
         assert "…" not in told
+    assert "A YAML file, a scenario's name" in called("run", "--help")
 
 
 def test_help_all_shows_every_option_in_groups_and_so_does_that_of_track() -> None:
