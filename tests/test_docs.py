@@ -68,6 +68,9 @@ def test_examples_run(block: str) -> None:
 def test_the_robots_shown_stop_in_the_dark() -> None:
     files = write_files("docs/sensors.md")
     assert sum(len(text.splitlines()) for text in files.values()) <= 60
+    Path("light.py").write_text(files["ground.py"].replace("ground", "light").replace("ahead_cm", "range_cm"))
+    two = load_scenario(parse_yaml(blocks(ROOT / "docs/sensors.md", "yaml")[1], "docs"))
+    assert [list(group.sensors) for group in two.robots] == [["ground", "light"], ["eye"]]
     steps = [Simulation("patches.yaml", 2, interpret=interpret).advance(300) for interpret in (False, True)]
     assert steps[0].poses.tobytes() == steps[1].poses.tobytes()
     is_dark = steps[0].readings["ground"] < 0.5
