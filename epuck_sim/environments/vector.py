@@ -315,13 +315,14 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 done.result()
         self._begin(np.flatnonzero(resting).tolist())
         situation = self.look()
-        rewards = _for_each_robot(self._reward(situation), situation)[:, self.spaces.chosen]
+        told = self._observe(situation), self._infos(situation)  # before users' functions change the arrays they get
         terminated = self._ends(situation) & ~resting
+        rewards = _for_each_robot(self._reward(situation), situation)[:, self.spaces.chosen]
         truncated = (self._numbers >= self._last_step) & ~resting
         self._is_over = terminated | truncated
         flags = np.repeat(terminated, self.agents), np.repeat(truncated, self.agents)
         rewards = np.where(resting[:, None], 0.0, rewards)
-        return self._observe(situation), rewards.ravel(), *flags, self._infos(situation)
+        return told[0], rewards.ravel(), *flags, told[1]
 
     def _ends(self, situation: Situation) -> BoolArray:
         """Return (swarms,) whether the user's condition ends each swarm's episode."""

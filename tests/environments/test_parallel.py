@@ -194,6 +194,21 @@ def test_rewards_are_given_to_each_agent_or_to_all_and_those_that_are_no_number_
             env.step({agent: np.zeros(3) for agent in env.agents})
 
 
+def test_a_reward_that_reckons_in_its_arrays_changes_nothing_that_agents_are_told():
+    def careless(situation):
+        for array in (situation.poses, situation.wheels_cm_s, situation.ring_on, situation.phase):
+            array[:] = 0
+        return situation.poses[..., 0]
+
+    told = []
+    for reward in (careless, "coverage"):
+        env = parallel_env("thesis", seed=3, reward=reward)
+        env.reset()
+        observations, _, _, _, infos = [env.step({agent: np.ones(3) for agent in env.agents}) for _ in range(9)][-1]
+        told.append(([*map(np.ndarray.tolist, observations.values())], infos))
+    assert told[0] == told[1]
+
+
 def test_pictures_show_the_arena_from_above():
     env = parallel_env(SWARM, seed=4, render_mode="rgb_array")
     env.reset()
