@@ -120,7 +120,8 @@ LACKING = {
 def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_they_lack(tmp_path) -> None:
     options = "--trials 5 --set stop.max_cycles=5 --out runs --measure component_count"
     sweep = f"run pair --sweep robots.0.parameters.speed_cm_s=4,8 {options}"
-    whole = [sweep, "summarize runs", "status runs", "fit runs", "plan runs"]
+    whole = [sweep, *(f"{command} runs" for command in ("summarize", "status", "fit", "plan", "verify"))]
+    whole += ["merge runs --out merged", "predict particles", "page pair --to pair.html"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     given = {"cwd": tmp_path, "env": environment, "input": json.dumps([*whole, *LACKING])}
     done = subprocess.run([sys.executable, "-c", WITHOUT], **given, stdout=subprocess.PIPE, text=True, check=True)
