@@ -1,6 +1,5 @@
 """Runs rerun's own program, which comes with its package: to its end, or in the background as a viewer."""
 
-import ctypes
 import os
 import signal
 import socket
@@ -9,7 +8,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import IO
@@ -33,7 +32,15 @@ NO_GRAPHICS = (
     "the viewer finds no graphics driver; install one (Debian, Ubuntu: apt install mesa-vulkan-drivers), or give --web"
 )
 
-_SET_PARENT_DEATH_SIGNAL = 1  # the constant PR_SET_PDEATHSIG of Linux's prctl
+_ENDS_WITH_PARENT = """
+import ctypes, os, signal, sys
+ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+if os.getppid() == int(sys.argv[1]):  # it has not ended already
+    os.execv(sys.argv[2], sys.argv[2:])
+"""
+"""A program that becomes another one, which Linux kills when the thread that started it ends.
+
+Python of our own after a fork could wait for ever for threads that the fork has left behind, such as those of PyAV."""
 
 
 def run_rerun(*arguments: str) -> None:
@@ -78,13 +85,13 @@ class ViewerProcess:
 
     def __init__(self, log: IO[str], *arguments: str) -> None:
         self._log = log
+        starter = [sys.executable, "-I", "-S", "-c", _ENDS_WITH_PARENT, str(os.getpid())]
         self._process = subprocess.Popen(
-            [*PROGRAM, *arguments, "--bind", HOST],
+            [*starter * (sys.platform == "linux"), *PROGRAM, *arguments, "--bind", HOST],
             env={**ENVIRONMENT, **os.environ},
             stdout=log,
             stderr=log,
             process_group=None if sys.platform == "win32" else 0,
-            preexec_fn=_end_with_parent(),  # noqa: PLW1509 it makes two system calls, and takes no lock
         )
 
     def wait_for(self, port: int) -> None:
@@ -125,20 +132,6 @@ class ViewerProcess:
             if not self.has_ended:
                 self._process.kill()
                 self._process.wait()
-
-
-def _end_with_parent() -> Callable[[], None] | None:
-    """Return a function that makes Linux kill a child process when the thread that started it ends."""
-    if sys.platform != "linux":
-        return None
-    set_option, parent = ctypes.CDLL(None).prctl, os.getpid()
-
-    def end_with_parent() -> None:
-        set_option(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
-        if os.getppid() != parent:  # it has ended already
-            os._exit(1)
-
-    return end_with_parent
 
 
 def proxy_url(port: int) -> str:

@@ -188,11 +188,24 @@ def test_a_display_is_known_by_its_name_and_without_one_the_error_names_the_othe
             show(Path("t.rrd"))
 
 
+class KeptForAThread:
+    """As PyAV's scaler, whose end waits for threads of its own, which a fork does not have."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __del__(self) -> None:
+        (self.folder / "ended").touch()
+
+
 def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(stand: Stand, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
+    here = threading.local()
+    here.kept = KeptForAThread(tmp_path)
     monkeypatch.setenv("WAYLAND_DISPLAY", "0")
     with ThreadPoolExecutor(1) as pool:
         pool.submit(show, Path("--t.rrd")).result()
+    assert not (tmp_path / "ended").exists()
     file, *options = stand.received["arguments"]
     assert file == str(tmp_path / "--t.rrd")
     assert options[options.index("--bind") + 1] == "127.0.0.1"
