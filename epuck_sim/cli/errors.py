@@ -104,7 +104,7 @@ def prefix_scenario(scenario: str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        named = str(error).startswith(f"{scenario}: ")
+        named = str(error).startswith((f"{scenario}: ", f"{scenario} --"))
         raise ScenarioError(str(error) if named else f"{scenario}: {error}") from error
 
 
