@@ -174,6 +174,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
     """All agents of many swarms; see `vector_env`. A swarm whose episode is over begins anew in the next step."""
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 Gymnasium's own type
+    _pool: ThreadPoolExecutor | None = None  # Gymnasium closes what was refused, too
 
     def __init__(
         self,
