@@ -196,9 +196,9 @@ def _without_told(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
     said: list[str] = []
     patterns: dict[tuple[int, ...], _Column] = {}
     for column in columns:
-        texts = column.texts
-        pattern = tuple(texts.index(text) for text in texts)
-        if len(set(texts)) == 1 and not isinstance(column.cells[0], Estimate):
+        texts, first = column.texts, dict[str, int]()
+        pattern = tuple(first.setdefault(text, len(first)) for text in texts)
+        if len(first) == 1 and not isinstance(column.cells[0], Estimate):
             said.append(f"{column.heading} {'= ' * column.is_axis}{texts[0]}")
         elif column.is_axis and pattern in patterns:
             values = list(dict.fromkeys(texts))
@@ -240,17 +240,17 @@ def _parts(columns: list[_Column], width: int | None) -> list[list[_Column]]:
 
 def _lines(columns: Sequence[_Column]) -> list[str]:
     """Return the lines of a heading, whose words are below each other if cells are narrow, a rule, and the rows."""
-    headings = [textwrap.wrap(column.heading, column.least) for column in columns]
+    widths = [column.least for column in columns]
+    headings = [textwrap.wrap(column.heading, width) for column, width in zip(columns, widths, strict=True)]
     height = max(map(len, headings))
     above = [[""] * (height - len(lines)) + lines for lines in headings]
-    rule = ["-" * column.least for column in columns]
+    rule = ["-" * width for width in widths]
     rows = [*zip(*above, strict=True), rule, *zip(*(column.texts for column in columns), strict=True)]
     are_texts = (all(isinstance(cell, str) for cell in column.cells) for column in columns)
     align: list[Callable[[str, int], str]] = [str.ljust if is_text else str.rjust for is_text in are_texts]
     gap = " " * GAP
     return [
-        gap.join(put(cell, column.least) for put, cell, column in zip(align, row, columns, strict=True)).rstrip()
-        for row in rows
+        gap.join(put(cell, width) for put, cell, width in zip(align, row, widths, strict=True)).rstrip() for row in rows
     ]
 
 
