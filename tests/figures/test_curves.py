@@ -175,20 +175,21 @@ def test_bands_span_intervals_beyond_the_figure_if_need_be_and_one_without_a_nei
     assert bottom > 0
 
 
-def test_censored_points_are_hollow_and_undetermined_ones_crosses_above_all_in_a_row_for_each_curve() -> None:
+@pytest.mark.parametrize("count", [2, 40])
+def test_censored_points_are_hollow_and_undetermined_ones_crosses_above_all_in_a_row_for_each_curve(count: int) -> None:
     axes = axes_of([BUMPY])
     is_censored = BUMPY.censored > 0
     hollow = marked(axes, "o", "#ffffff")
     solid = [line for line in marked(axes, "o") if line not in hollow]
     for lines, chosen in ((hollow, is_censored), (solid, ~is_censored)):
         assert drawn(lines) == [*zip(BUMPY.x[chosen], BUMPY.values[chosen], strict=True)]
-    hidden = [curve_of([50.0, 40.0], axes={COUPLING: n}, undetermined=[0]) for n in (0.1, 0.2)]
+    hidden = [curve_of([50.0, 40.0], axes={COUPLING: 0.1 + n}, undetermined=[0]) for n in range(count)]
     axes = axes_of([*hidden, FALLING])
     crosses = [line for line in marked(axes, "x") if line.get_xdata().size]
-    assert [line.get_xdata().tolist() for line in crosses] == [MANY_SPEEDS[:1]] * 2
+    assert [line.get_xdata().tolist() for line in crosses] == [MANY_SPEEDS[:1]] * count
     heights = sorted(float(line.get_ydata()[0]) for line in crosses)
     (_, highest) = axes.transAxes.inverted().transform(axes.transData.transform((1, np.nanmax(FALLING.values))))
-    assert highest < heights[0] < heights[1] < 1  # as shares of the panel
+    assert 0.5 < highest < heights[0] < heights[1] <= heights[-1] < 1  # as shares of the panel
 
 
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else(panel) -> None:

@@ -31,8 +31,9 @@ POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 MAX_EXTRAPOLATION = 100
 """Largest Weibull mean that is shown, as a multiple of the limit of cycles; larger ones are extrapolated too far."""
 
-CROSS_ROW = 0.045
-"""Height of a row of crosses at the upper edge of a panel, one for each curve that has any, as a share of the panel."""
+CROSS_ROW, MOST_CROSSES = 0.045, 0.36
+"""Height of a row of crosses at the upper edge of a panel, one for each curve that has any, and of all rows, which are
+narrower where there are many, as shares of the panel."""
 
 EXTREMUM: Any = {"markersize": 7, "markeredgecolor": "black"}  # looks of the minimum and the peak
 
@@ -140,10 +141,11 @@ class Curves(Form):
         each = zip(self.curves, self.placed, strict=True)
         hidden = {label for curve, (_, label, _) in each if np.isnan(curve.values).any()}
         crossed = [label for label in looks if label in hidden]
+        height = min(CROSS_ROW, MOST_CROSSES / max(1, len(crossed)))
         drawn = zip(self.panels_of(panels), self.curves, self.searches, self.placed, strict=True)
         for panel, curve, search, (_, label, look) in drawn:
             row = crossed.index(label) if label in crossed else 0
-            _draw_curve(panel, curve, search.places, look, 1 - CROSS_ROW * (row + 0.8), beyond)
+            _draw_curve(panel, curve, search.places, look, 1 - 0.8 * CROSS_ROW - height * row, beyond)
             if self.settings.points:
                 places = shifted(curve.x, [*looks].index(label), len(looks), panel.get_xscale() == "log")
                 draw_trials(panel, places, curve, look.colour)
@@ -152,7 +154,7 @@ class Curves(Form):
             if self.of is None:
                 panel.set_ylim(top=min(panel.get_ylim()[1], (3 if is_log else 1.5) * highest))
             if math.isfinite(highest):
-                _make_room(panel, highest, CROSS_ROW * (len(crossed) + 0.8) if crossed else 0.0)
+                _make_room(panel, highest, height * len(crossed) + 0.8 * CROSS_ROW if crossed else 0.0)
 
     def _ends(self) -> tuple[float, float]:
         """Return the highest value, -inf without any, and the upper end of bands that have no known end."""
