@@ -330,7 +330,7 @@ def _scenario(trial: dict[str, Any]) -> Scenario:
 
 
 BETWEEN_CM = 1e-3  # largest distance of a contact of two robots from the point between them, as it is recorded
-BLOCK = 1_000_000  # most distances that are computed at a time
+BLOCK = 20_000  # most distances that are computed at a time: a core's cache holds them
 
 
 def _read_links(entities: Entities, scenario: Scenario, positions: Float32Array, headings: FloatArray) -> Links:
@@ -386,12 +386,12 @@ def nearest(points: FloatArray, places: FloatArray, rows: IntArray, cycle_cm: fl
 
     `cycle_cm` is the side of a cyclic space, across whose edges a place may be nearest; infinite for other spaces.
     """
-    found = [np.empty(0, np.int64)]
+    found, by_axis = [np.empty(0, np.int64)], np.ascontiguousarray(places.transpose(2, 0, 1))
     block = max(1, BLOCK // max(1, places.shape[1]))
     for start in range(0, len(points), block):
         part = slice(start, start + block)
-        away = np.abs(points[part, None] - places[rows[part]])
+        x, y = (np.abs(of[part, None] - each[rows[part]]) for of, each in zip(points.T, by_axis, strict=True))
         if cycle_cm < np.inf:
-            away = np.minimum(away, np.abs(cycle_cm - away))
-        found.append((away**2).sum(axis=2).argmin(axis=1))
+            x, y = (np.minimum(away, np.abs(cycle_cm - away)) for away in (x, y))
+        found.append((x**2 + y**2).argmin(axis=1))
     return np.concatenate(found)
