@@ -237,7 +237,8 @@ def _means(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> Flo
 
 
 def _medians(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> FloatArray:
-    ranks = np.array([_median_ranks(count) for count in range(len(ordered) + 1)])[known]
+    counts, places = np.unique(known, return_inverse=True)
+    ranks = np.array([_median_ranks(count) for count in counts.tolist()], np.int64).reshape(-1, 4)[places]
     lower, upper, low, high = (_row(ordered, rank) for rank in ranks.T)
     ends = (np.where(has_interval, end, np.nan) for end in (low, high))
     return np.column_stack([np.where(known, (lower + upper) / 2, np.nan), *ends])

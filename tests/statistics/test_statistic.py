@@ -13,7 +13,7 @@ from scipy import stats
 
 from epuck_sim import StoreError, points, read_points
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
-from epuck_sim.statistics import Statistic
+from epuck_sim.statistics import Statistic, curves
 from epuck_sim.statistics.curves import series_statistics, series_table, summarize_series
 from epuck_sim.statistics.statistic import (
     Measured,
@@ -174,6 +174,14 @@ def test_the_order_of_the_trials_makes_no_difference_to_the_bit(series, random):
     shuffled = random.sample(series, len(series))
     one, other = (series_statistics([np.array(each, float) for each in some]) for some in (series, shuffled))
     assert [each.tobytes() for each in one[:5]] == [each.tobytes() for each in other[:5]]
+
+
+def test_ranks_of_medians_are_sought_once_for_each_number_of_values(monkeypatch):
+    sought, ranks = [], curves._median_ranks
+    monkeypatch.setattr(curves, "_median_ranks", lambda count: sought.append(count) or ranks(count))
+    found = series_statistics([np.array([number, 1.0][: 1 + number % 2]) for number in range(100)])
+    assert found.known.tolist() == sought[::-1] == [100, 50]
+    assert found.median[:, 0].tolist() == [49.5, 1]
 
 
 def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp_path):
