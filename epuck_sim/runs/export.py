@@ -27,6 +27,10 @@ COLUMNS = {
 }
 """Columns after those of the axes, and their types; `point` is the point's number in the sweep."""
 
+_AS_STORED = pa.schema({**COLUMNS, "censored": pa.int8(), "measured": pa.string(), "events": pa.string()})
+
+BLOCK = 10_000  # rows that are read at a time: as objects of Python they take some ten times the memory
+
 
 def export(folder: Path, target: Path) -> int:
     """Write a row for each trial that has a result, ordered by point and trial; return the number that failed.
@@ -46,18 +50,20 @@ def export(folder: Path, target: Path) -> int:
         rows = connection.execute(
             f"SELECT {wanted}, measured, events FROM trials JOIN points ON point = key "
             "WHERE error IS NULL ORDER BY number, trial"
-        ).fetchall()
+        )
+        blocks = [_AS_STORED.empty_table()]
+        while found := rows.fetchmany(BLOCK):
+            blocks.append(pa.table(dict(zip(_AS_STORED.names, zip(*found, strict=True), strict=True)), _AS_STORED))
         (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
-    *found, values, events = zip(*rows, strict=True) if rows else [()] * (len(COLUMNS) + 2)
-    columns = dict(zip(COLUMNS, found, strict=True))
-    columns["censored"] = [None if value is None else bool(value) for value in columns["censored"]]
-    axes = {key: _axis([as_column(points[number][key]) for number in columns["point"]]) for key in points[0]}
-    arrays = {**axes, **{name: pa.array(columns[name], kind) for name, kind in COLUMNS.items()}}
-    trials = [json.loads(text or "{}") for text in values]
+    read = pa.concat_tables(blocks)
+    numbers = read["point"].to_pylist()
+    axes = {key: _axis([as_column(points[number][key]) for number in numbers]) for key in points[0]}
+    arrays = {**axes, **{name: read[name].cast(kind) for name, kind in COLUMNS.items()}}
+    trials = [json.loads(text or "{}") for text in read["measured"].to_pylist()] if names else []
     is_text = target.suffix == ".csv"
     arrays |= {f"measures.{name}": _measure([trial.get(name) for trial in trials], is_text) for name in names}
-    if any(events):
-        arrays["events"] = pa.array(events, pa.string())
+    if read["events"].null_count < len(read):
+        arrays["events"] = read["events"]
     with atomic_write(target) as part, part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
         WRITERS[target.suffix](pa.table(arrays), file)
     return int(failed)

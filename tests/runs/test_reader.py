@@ -244,7 +244,8 @@ def test_an_older_table_stays_and_nothing_else_is_left_where_writing_fails(folde
     assert sorted(path.name for path in folder.parent.iterdir()) == [target.name, folder.name]
 
 
-def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folder) -> None:
+def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folder, monkeypatch) -> None:
+    monkeypatch.setattr("epuck_sim.runs.export.BLOCK", 3)
     found = points(DEMO)
     censored = {"t_sync_cycles": None, "censored": True}
     ended = [outcome(point, trial, **(censored if trial == 2 else {})) for point in found for trial in range(3)]
