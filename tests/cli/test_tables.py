@@ -184,6 +184,14 @@ def test_while_a_sweep_runs_it_is_said_once_of_each_such_point_of_a_run(tmp_path
             assert shown == [ends[0], ends[1] + WHAT_TO_DO]
 
 
+@pytest.mark.usefixtures("sweeps_run_here")
+def test_while_a_sweep_of_many_such_points_runs_the_first_are_named(tmp_path) -> None:
+    axes = ["--sweep", f"coupling=1e-6:2e-6:{MOST_LISTED + 5}:lin", "--set", "max_cycles=1"]
+    _, _, *said = call("run", "particles", *axes, "--trials", 1, "--out", tmp_path / "run").stderr.splitlines()
+    assert said[MOST_LISTED] == "so it is at further points, which `status` counts"
+    assert ["reaches the limit" in line for line in said] == [True] * MOST_LISTED + [False] * 2
+
+
 def trial(number: int, **changes) -> TrialResult:
     return TrialResult("thesis", number, 10 + number, False, 10 + number, 0.9, 9, 9.0, 0.4)._replace(**changes)
 
