@@ -27,7 +27,7 @@ from epuck_sim.scenario.scenario import AnyScenario, Scenario, require_model
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
-from epuck_sim.util.messages import natural_order, short_repr, shortest_endings, storable
+from epuck_sim.util.messages import cut, natural_order, short_repr, shortest_endings, storable
 from epuck_sim.util.seeds import point_seed
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
@@ -71,6 +71,7 @@ SCENARIO = Kind(
 )
 """How scenarios are found."""
 
+MOST_ECHOED = 200  # most characters of an option that messages repeat
 RUN_SCENARIO = "scenario.yaml"  # name of the file in a run folder that holds its scenario
 
 
@@ -162,7 +163,7 @@ def load_scenario(
         given = keys.add_axis(given, found, values, f"--sweep {axis}")
         swept.extend(f"sweep {key}={axis.partition('=')[2]}" for key in found)
     options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
-    origin = " ".join([origin, *options])
+    origin = " ".join([origin, *(cut(option, MOST_ECHOED) for option in options)])
     given = keys.note_changes(given, [*changed, *swept])
     scenario = from_keys(given, origin, folder)
     keys.reject_swept(changed, controller, scenario.swept)

@@ -38,6 +38,7 @@ from epuck_sim.statistics.statistic import (
 )
 from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_repr
 
+MOST_NAMED = 20  # most values of an axis that a message names
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
 _BLOCK_SIZE = 2_000_000  # trials that are permuted at once
 
@@ -299,7 +300,8 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
     known = {canonical_text({key: point.axes[key]}): point.axes[key] for point in points}
     for value, text in zip(values, texts, strict=True):
         if text not in known:
-            values_known = comma_list([*map(short_repr, known.values())])
+            values_known = comma_list([*map(short_repr, known.values())][:MOST_NAMED])
+            values_known += f" and {len(known) - MOST_NAMED} more" * (len(known) > MOST_NAMED)
             raise EpuckSimError(f"--axis: {key} is never {short_repr(value)}; its values: {values_known}")
     matches = []
     for axes, places in group_rows([point.axes for point in points], key):

@@ -66,8 +66,12 @@ def whole(name: str, value: object, least: int = 1) -> int:
 
 def short_repr(value: object) -> str:
     """Return the repr of a value, cut to 60 characters."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return cut(repr(value), 60)
+
+
+def cut(text: str, most: int) -> str:
+    """Return a text, cut to so many characters."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def shortest_endings(keys: Iterable[str], separator: str = ".") -> dict[str, str]:
