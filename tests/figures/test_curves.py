@@ -296,6 +296,14 @@ def test_tables_have_the_numbers_of_the_curves_and_their_extrema_or_say_why_ther
         assert {key: row[key] for key in axes} == {key: "" if v is None else str(v) for key, v in axes.items()}
 
 
+def test_more_curves_than_can_be_drawn_are_refused(monkeypatch) -> None:
+    points = in_memory(sweep({SPEED: [1, 2], COUNT: [2, 3, 4]}), lambda _: ended([5]))
+    monkeypatch.setattr("epuck_sim.figures.forms.curves.MAX_CURVES", 2)
+    with pytest.raises(EpuckSimError, match=r"would be 3 curves, .*allowed: up to 2"):
+        read_form(points, {})
+    assert len(read_form(points, {"x": COUNT}).curves) == 2
+
+
 LONG = PointSeries({SPEED: 1}, series_statistics([np.array([1.0, 2, 3, 5]) + k / 10 for k in range(6)]))
 SHORT = PointSeries({SPEED: 2}, series_statistics([np.arange(3.0)] * 3 + [np.arange(2.0)] * 3))
 

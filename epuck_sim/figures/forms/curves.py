@@ -22,11 +22,13 @@ from epuck_sim.measures.measure import SERIES_COLUMNS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import Curve, PointSeries, read_curves, summarize_series
+from epuck_sim.statistics.curves import Curve, PointSeries, group_by_other_axes, read_curves, summarize_series
 from epuck_sim.statistics.extrema import MIN_SPEEDS, PLACES, ExtremaSearch, Place, search_extrema
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what is estimated, cycles."""
+
+MAX_CURVES = 500  # largest number of curves of a figure; more are neither told apart nor quickly drawn
 
 MAX_EXTRAPOLATION = 100
 """Largest Weibull mean that is shown, as a multiple of the limit of cycles; larger ones are extrapolated too far."""
@@ -61,6 +63,11 @@ class Curves(Form):
         rows = [point.axes for point in points]
         axis = choose_axis(rows, *choices.axis("x"))
         split_by, origin = choices.axis("panels", taken=axis)
+        if (count := len(group_by_other_axes(points, axis))) > MAX_CURVES:
+            raise EpuckSimError(
+                f"there would be {count} curves, one for each combination of the other axes; allowed: up to "
+                f"{MAX_CURVES}; draw against another --x, or --form map"
+            )
         curves = read_curves(points, axis, Statistic(choices.section.statistic))
         check_panels(rows, axis, split_by, origin)
         return cls(axis=axis, curves=curves, split_by=split_by)
