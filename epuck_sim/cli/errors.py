@@ -54,9 +54,10 @@ def _message(error: Exception) -> str | None:
     if isinstance(error, ModuleNotFoundError):
         package, extra = EXTRAS.get((error.name or "").partition(".")[0], (None, None))
         return package and f'this needs {package}, which is not installed: pip install "epuck-sim[{extra}]"'
-    if isinstance(error, ValueError | AttributeError) and not all(map(_is_open, (sys.stdout, sys.stderr))):
-        return "the output cannot be written: it was closed"  # by a controller, say, or it was set to None
-    return None
+    if isinstance(error, ValueError) and str(error).startswith("Key backend: "):  # as matplotlib is imported
+        return f"MPLBACKEND: {error}"
+    is_closed = isinstance(error, ValueError | AttributeError) and not all(map(_is_open, (sys.stdout, sys.stderr)))
+    return "the output cannot be written: it was closed" if is_closed else None  # by a controller, say
 
 
 def _is_open(stream: TextIO | None) -> bool:

@@ -133,6 +133,13 @@ def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_the
     ]
 
 
+def test_a_backend_that_matplotlib_does_not_know_is_refused_in_one_line() -> None:
+    given = {"env": os.environ | {"MPLBACKEND": "none-such"}, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, "-m", "epuck_sim", "plot", "gone"], check=False, **given)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith("error: MPLBACKEND: Key backend: 'none-such' is not a valid value")
+
+
 def test_every_extra_installs_what_it_is_named_for_and_the_docs_name_it() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
