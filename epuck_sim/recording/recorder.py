@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from itertools import chain
@@ -20,7 +20,7 @@ from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
 from epuck_sim.recording.rrd_file import rrd_file, static_chunk, strict_mode
 from epuck_sim.recording.series import Texts, recorded_fields, static_time_series, time_series
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import complete, write_scenario
+from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialState
@@ -35,14 +35,19 @@ TRIAL, OUTCOME = "trial", "outcome"  # names of the properties that describe the
 
 @contextmanager
 def record(
-    path: Path | str, scenario: Scenario, seed: int, level: Level | str = Level.FULL, *, memory: Sequence[str] = ()
+    path: Path | str,
+    scenario: Scenario | str | Path | Mapping[str, Any],
+    seed: int,
+    level: Level | str = Level.FULL,
+    *,
+    memory: Sequence[str] = (),
 ) -> Iterator["Recorder"]:
     """Yield an observer of a trial (see `run_trial`) that records it into a file for rerun's viewer.
 
     Args:
         path: The file, whose name must end in `.rrd`. It gets its name when the block ends; if the block ends with an
             error, an older file stays, and nothing else is left.
-        scenario: The trial's scenario.
+        scenario: The trial's scenario, or what `load_scenario` takes.
         seed: The trial's seed.
         level: How much is recorded: summary, poses or full.
         memory: Fields of the controllers' MEMORY to record, whatever the level.
@@ -53,7 +58,7 @@ def record(
     """
     if level not in list(Level):
         raise RecordingError(f"level is {level!r}; allowed: {', '.join(Level)}")
-    level, scenario = Level(level), complete(scenario, scenario.name)  # with every default written out
+    level, scenario = Level(level), load_scenario(scenario)  # with every default written out
     memory = recorded_fields(scenario, level, memory)
     layout = layout_file(arrangement_of(scenario, level, memory))
     with rrd_file(Path(path), _recording_id(scenario, seed, level, memory), layout) as write:

@@ -5,7 +5,7 @@ appears under its name only when it is complete; its metadata holds the scenario
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -20,8 +20,8 @@ from epuck_sim.arrays import IntArray
 from epuck_sim.embodied.step import Step, check_fields, field_values, reading_fields
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import write_scenario
-from epuck_sim.scenario.scenario import Scenario, require_model
+from epuck_sim.scenario.loader import load_of_model, write_scenario
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.provenance import versions
@@ -38,7 +38,7 @@ class Trace:
     def __init__(
         self,
         path: Path | str,
-        scenario: Scenario,
+        scenario: Scenario | str | Path | Mapping[str, Any],
         seed: int,
         *,
         memory: Sequence[str] = (),
@@ -48,7 +48,7 @@ class Trace:
 
         Args:
             path: File to write, in the format Parquet.
-            scenario: Scenario of the trial, of model `embodied`.
+            scenario: Scenario of the trial, of model `embodied`, or what `load_scenario` takes.
             seed: Seed of the trial.
             memory: Fields of the controllers' MEMORY, each of which becomes a column `memory.NAME`.
             relations: Whether columns list whom each robot sees lit, and whom it touches.
@@ -58,7 +58,7 @@ class Trace:
             EpuckSimError: The file cannot be written.
         """
         path = Path(path)
-        scenario = require_model(scenario, EmbodiedScenario, "traces are of robots")
+        scenario = load_of_model(scenario, EmbodiedScenario, "traces are of robots")
         check_target(path)
         self._path, self.trial_seed = path.resolve(), seed
         self._robots = scenario.robot_count
