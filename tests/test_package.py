@@ -17,6 +17,7 @@ import yaml
 
 import epuck_sim
 from epuck_sim import EpuckSimError, ParticleSimulation, ScenarioError, Simulation, load_scenario, read_recording
+from epuck_sim.trial.model import simulate
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS
 
 ROOT = Path(__file__).parent.parent
@@ -118,10 +119,10 @@ def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
 
 
 def test_a_trial_is_not_kept_under_the_seed_of_another_one(tmp_path) -> None:
-    scenario = load_scenario("pair", ["stop.max_cycles=1"])
-    for name, each in {"t.parquet": epuck_sim.Trace, "t.rrd": epuck_sim.record}.items():
-        with pytest.raises(ValueError, match="of seed 1, and "), each(tmp_path / name, scenario, 1) as seen:
-            epuck_sim.run_trial(Simulation(scenario, 2), [seen])
+    films = [("t.mp4", epuck_sim.film_trial, model) for model in ("pair", "particles")]
+    for name, each, of in [("t.parquet", epuck_sim.Trace, "pair"), ("t.rrd", epuck_sim.record, "pair"), *films]:
+        with pytest.raises(ValueError, match="of seed 1, and "), each(tmp_path / name, of, 1) as seen:
+            epuck_sim.run_trial(simulate(load_scenario(of), 2), [seen])
     assert not list(tmp_path.iterdir())
 
 

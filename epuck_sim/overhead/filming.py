@@ -3,8 +3,9 @@
 import math
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.rows import AgentBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
-from epuck_sim.scenario.loader import validate
+from epuck_sim.scenario.loader import load_scenario, validate
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
@@ -52,8 +53,20 @@ HEIGHT_SHARE = 0.03  # height of a caption's capitals, relative to a picture's h
 CAPITAL_PX = 21  # height of capital letters at OpenCV's scale 1, in pixels
 
 
+@dataclass(frozen=True)
+class TrialFilm:
+    """An observer that films a trial, and the trial's seed, see `run_trial`."""
+
+    observe: Observer
+    trial_seed: int
+
+    def __call__(self, event: Any, state: Any) -> None:
+        """Film an event."""
+        self.observe(event, state)
+
+
 @contextmanager
-def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Observer]:
+def film_trial(path: Path | str, scenario: Scenario | str | Path | Mapping[str, Any], seed: int) -> Iterator[TrialFilm]:
     """Yield an observer for `run_trial` that films a trial with the overhead camera of its scenario while it runs.
 
     Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
@@ -68,7 +81,7 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
 
     Args:
         path: The film, whose name ends in .mp4.
-        scenario: Scenario of the trial, as `load_scenario` returns it.
+        scenario: Scenario of the trial, or what `load_scenario` takes.
         seed: Seed of the trial; the camera's noise is drawn from it, too.
 
     Raises:
@@ -76,12 +89,16 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
         FilmError: Its camera cannot see the arena, its space is a cube, or the name does not end in .mp4.
         EpuckSimError: The file cannot be written.
     """
+    scenario = load_scenario(scenario)
     if isinstance(scenario, ParticleScenario):
         yield from _film_agents(Path(path), scenario, seed)
         return
     with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
-        yield lambda step, state: observe(
-            state.cycles, state.order_parameter, step.time_s, step.poses, step.ring_on, step.movables, step.arena
+        yield TrialFilm(
+            lambda step, state: observe(
+                state.cycles, state.order_parameter, step.time_s, step.poses, step.ring_on, step.movables, step.arena
+            ),
+            seed,
         )
 
 
@@ -158,7 +175,7 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
         write(camera.finish())
 
 
-def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[Observer]:
+def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[TrialFilm]:
     """Yield an observer that films agents from above, as discs at their places in each picture."""
     population = population_of(scenario)
     if population.is_cube:
@@ -207,7 +224,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
             buffer.append(event, state)
             write()
 
-        yield observe
+        yield TrialFilm(observe, seed)
         if last is not None:
             buffer.end(last.time_s)
             write()
