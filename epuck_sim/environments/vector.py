@@ -308,7 +308,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self.spaces.command(given.reshape(self.swarms, self.agents, *given.shape[1:]), self._actuators)
         shares = [[swarm for swarm in share if not resting[swarm]] for share in self._shares]
         if self._pool is None:
-            self._advance(shares[0])
+            for share in shares:
+                self._advance(share)
         else:
             working = [self._pool.submit(self._advance, share) for share in shares]
             wait(working)  # even after an error: no thread may still run when the swarms begin anew
@@ -403,9 +404,10 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         return counts.reshape(swarms, robots)
 
     def close_extras(self, **_: Any) -> None:
-        """End the threads."""
+        """End the threads; whoever goes on does so without."""
         if self._pool is not None:
             self._pool.shutdown()
+            self._pool = None
 
 
 def _side_by_side(value: Any, block: ByteArray, copies: ByteArray) -> Any:

@@ -92,6 +92,7 @@ def test_a_copy_steps_swarms_of_its_own(threads):
     np.testing.assert_array_equal(batch.reset()[0], rows)
     later = [copy.step(policy(rows))[0] for _ in range(3)][-1]
     assert [each.steps for each in batch.simulations] == [1, 1]
+    batch.close()  # which ends its threads alone
     np.testing.assert_array_equal([batch.step(policy(rows))[0] for _ in range(3)][-1], later)
     with pytest.raises(ValueError, match="an episode is under way, of which there is no copy"):
         pickle.dumps(batch)
