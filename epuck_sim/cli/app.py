@@ -2,6 +2,7 @@
 
 import sys
 from functools import cache
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
 
@@ -55,6 +56,8 @@ def _options(
 def main() -> None:
     """Run the command; SIGTERM and SIGHUP end it as Ctrl-C does, unless they are ignored, as under nohup."""
     watchdog = end_on_request()
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr shows letters that it does not have
     try:
         app()
     except SystemExit as end:

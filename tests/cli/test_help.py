@@ -140,6 +140,13 @@ def test_a_backend_that_matplotlib_does_not_know_is_refused_in_one_line() -> Non
     assert done.stderr.startswith("error: MPLBACKEND: Key backend: 'none-such' is not a valid value")
 
 
+def test_letters_that_stdout_does_not_have_are_shown_as_escapes() -> None:
+    words = ["run", "pair", "--set", "name=\u86cd", "--set", "stop.max_cycles=1"]
+    given = {"env": os.environ | {"PYTHONIOENCODING": "ascii"}, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, "-m", "epuck_sim", *words], check=True, **given)
+    assert done.stdout.startswith("\\u86cd")
+
+
 def test_every_extra_installs_what_it_is_named_for_and_the_docs_name_it() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
