@@ -63,10 +63,14 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         )
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
-        context = _context()
-        # Ctrl-C while the server still loads would close what workers are about to open: wait until it has forked once
-        probe = context.Process(target=str)  # which ends at once
-        probe.start()
+        try:
+            context = _context()
+            # Ctrl-C while the server still loads would close what workers are about to open: wait until it has forked
+            probe = context.Process(target=str)  # which ends at once
+            probe.start()
+        except OSError as error:  # a socket's name is short
+            needs = "the current folder and TMPDIR must be there, and TMPDIR's path be short"
+            raise EpuckSimError(f"workers cannot start: {error.strerror or error}; {needs}") from error
         probe.join()
         if probe.exitcode == 1:  # it imported the script again, which began the sweep, and has said what was wrong
             raise EpuckSimError('workers cannot start; a script must begin sweeps below `if __name__ == "__main__":`')
