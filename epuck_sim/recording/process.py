@@ -85,10 +85,11 @@ class ViewerProcess:
 
     def __init__(self, log: IO[str], *arguments: str) -> None:
         self._log = log
+        self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)  # the viewer leaves files in it
         starter = [sys.executable, "-I", "-S", "-c", _ENDS_WITH_PARENT, str(os.getpid())]
         self._process = subprocess.Popen(
             [*starter * (sys.platform == "linux"), *PROGRAM, *arguments, "--bind", HOST],
-            env={**ENVIRONMENT, **os.environ},
+            env={**ENVIRONMENT, **os.environ, "TMPDIR": self._folder.name},
             stdout=log,
             stderr=log,
             process_group=None if sys.platform == "win32" else 0,
@@ -132,6 +133,7 @@ class ViewerProcess:
             if not self.has_ended:
                 self._process.kill()
                 self._process.wait()
+            self._folder.cleanup()
 
 
 def proxy_url(port: int) -> str:

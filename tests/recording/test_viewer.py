@@ -59,6 +59,7 @@ def moment(thesis, tmp_path_factory):
     step = int(np.flatnonzero(free & (ring_on.sum(axis=1) > 2) & (glowing.sum(axis=1) > 1))[0])
     try:
         with nothing_left(folder), pytest.MonkeyPatch.context() as patch:
+            patch.setenv("TMPDIR", str(folder))  # in which nothing is to be left, either
             patch.setattr(viewer, "MESSAGES_S", 0)  # it looks whether there are any all the same
             draw_screenshot(path, read.time_s[step], folder / "p.png")
     except RecordingError as error:
