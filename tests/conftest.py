@@ -1,5 +1,6 @@
 """Settings of all tests."""
 
+import atexit
 import os
 import signal
 import sys
@@ -15,7 +16,9 @@ from tests.processes import end_all
 from tests.sweep.pool_here import pool_here
 from tests.tools import MissingTools
 
-os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="epuck-sim-tests-")  # not what the user trusts
+_state = tempfile.TemporaryDirectory(prefix="epuck-sim-tests-")
+atexit.register(_state.cleanup)
+os.environ["XDG_STATE_HOME"] = _state.name  # not what the user trusts
 
 settings.register_profile("same", deadline=None, max_examples=50, derandomize=True, print_blob=True)
 settings.register_profile("search", deadline=None, max_examples=500, print_blob=True)
