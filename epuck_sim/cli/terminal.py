@@ -99,13 +99,13 @@ class Watchdog:
     def repeat(self, dropped: "sys.UnraisableHookArgs") -> None:
         """Raise KeyboardInterrupt a little later if Python has dropped it, as it does in destructors and callbacks.
 
-        Other exceptions that Python drops are printed, as usual.
+        Other exceptions that Python drops are printed, unless an interrupt came before: objects may be half made.
         """
         if isinstance(dropped.exc_value, KeyboardInterrupt):
             again = threading.Timer(AGAIN_S, _signal_main_thread, (self._number,))
             again.daemon = True  # the command may have ended by then
             again.start()
-        else:
+        elif not self.has_interrupted():
             sys.__unraisablehook__(dropped)
 
     def watch(self) -> None:

@@ -169,20 +169,29 @@ from epuck_sim.cli.errors import exit_on_error
 
 class Slow:
     def __del__(self):
-        print("in a destructor", flush=True)
+        print("ready", flush=True)
         time.sleep(60)
+
+class HalfMade:
+    def __init__(self):
+        print("ready", flush=True)
+        time.sleep(60)
+
+    def __del__(self):
+        del self.part
 
 end_on_request()
 with exit_on_error():
-    Slow()
+    {}()
     time.sleep(60)
 """
-"""A program that is asked to end while Python raises nothing: in a destructor."""
+"""A program that is asked to end while Python raises nothing, in a destructor, or while it makes an object."""
 
 
-def test_a_request_in_a_destructor_is_not_lost() -> None:
-    process = start([sys.executable, "-c", DROPPED])
-    assert process.stdout.readline() == "in a destructor\n"
+@pytest.mark.parametrize("name", ["Slow", "HalfMade"])
+def test_a_request_in_a_destructor_is_not_lost_and_what_is_half_made_complains_of_nothing(name: str) -> None:
+    process = start([sys.executable, "-c", DROPPED.format(name)])
+    assert process.stdout.readline() == "ready\n"
     process.send_signal(signal.SIGTERM)
     _, stderr = end_of(process)
     assert stderr.startswith("interrupted\n")
