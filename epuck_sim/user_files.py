@@ -19,6 +19,7 @@ from importlib.metadata import entry_points
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from multiprocessing import parent_process
 from pathlib import Path
+from threading import RLock
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
@@ -156,6 +157,8 @@ class HasSources(Protocol):
 
 _Loaded = TypeVar("_Loaded", bound=HasSources)
 
+_loading = RLock()  # files are loaded one at a time: `sys.modules` is that of all threads
+
 
 def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
     """Return a function that loads a file again only when one of its sources has changed."""
@@ -163,13 +166,14 @@ def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
 
     @wraps(load)
     def load_if_new(place: Place) -> _Loaded:
-        if place in loaded:
-            stamps, found = loaded[place]
-            if stamps == _stamps(found):
-                return found
-        found = load(place)
-        loaded[place] = _stamps(found), found
-        return found
+        with _loading:
+            if place in loaded:
+                stamps, found = loaded[place]
+                if stamps == _stamps(found):
+                    return found
+            found = load(place)
+            loaded[place] = _stamps(found), found
+            return found
 
     return load_if_new
 

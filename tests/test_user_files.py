@@ -4,6 +4,7 @@ import importlib
 import json
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -222,3 +223,13 @@ def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site
     known = r"response curves: dusk, .* and 2 more; or give a file that ends in \.py$"
     with pytest.raises(CurveError, match=rf"^unknown 'dask', did you mean 'dusk'\?; {known}"):
         find_curve("dask")
+
+
+def test_threads_load_files_one_at_a_time(tmp_path):
+    (tmp_path / "beside.py").write_text("import time\n\ntime.sleep(0.05)\nONE = 1\n")
+    paths = [tmp_path / f"measure_{number}.py" for number in range(4)]
+    for path in paths:
+        path.write_text(f"from beside import ONE\n\n\ndef {path.stem}(simulation):\n    return ONE\n")
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(lambda path: load_scenario("pair", measures=[path]), paths))
+    assert [each.name for scenario in found for each in scenario.measures] == [path.stem for path in paths]
