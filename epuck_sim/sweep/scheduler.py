@@ -73,7 +73,8 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
             raise EpuckSimError(f"workers cannot start: {error.strerror or error}; {needs}") from error
         probe.join()
         if probe.exitcode == 1:  # it imported the script again, which began the sweep, and has said what was wrong
-            raise EpuckSimError('workers cannot start; a script must begin sweeps below `if __name__ == "__main__":`')
+            main = 'below `if __name__ == "__main__":`'
+            raise EpuckSimError(f"workers cannot start; a script must be a file, and begin sweeps {main}")
         executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
         try:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))

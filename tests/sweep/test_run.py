@@ -145,14 +145,16 @@ def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
         wait_until(lambda mark=mark: not processes_marked(mark))
 
 
-def test_a_script_that_begins_a_sweep_wherever_it_is_imported_is_told_so(tmp_path) -> None:
+@pytest.mark.parametrize("name", [["script.py"], []], ids=["file", "stdin"])
+def test_a_script_that_begins_a_sweep_wherever_it_is_imported_or_is_no_file_is_told_so(tmp_path, name) -> None:
     short_sweep(tmp_path, 1)
     script = 'from epuck_sim import load_scenario, run_sweep\nrun_sweep(load_scenario("short.yaml"), "run")\n'
     (tmp_path / "script.py").write_text(script)
-    run = start([sys.executable, "script.py"], cwd=tmp_path)
+    with (tmp_path / "script.py").open() as given:
+        run = start([sys.executable, *name], cwd=tmp_path, stdin=given)
     _, err = run.communicate(timeout=300)
     assert run.returncode == 1
-    assert err.endswith('workers cannot start; a script must begin sweeps below `if __name__ == "__main__":`\n')
+    assert err.endswith('a script must be a file, and begin sweeps below `if __name__ == "__main__":`\n')
     assert stored(tmp_path / "run") == 0
 
 
