@@ -170,7 +170,8 @@ def _write_new(kind: str, name: str) -> None:
     from epuck_sim.control.interface import Sensors
 
     may_clash = is_name and new.ending == ".py"
-    is_module = may_clash and (name in sys.stdlib_module_names or find_spec(name) is not None)
+    found = find_spec(name) if may_clash else None  # a folder has no origin
+    is_module = may_clash and (name in sys.stdlib_module_names or getattr(found, "origin", None) is not None)
     reject_first(
         (not is_name, f"{name!r} is no name for {one}; allowed: {letters}, such as {new.example}"),
         (kind == "sensor" and name in Sensors._fields, f"{name!r} is sensed by all robots; give another name"),

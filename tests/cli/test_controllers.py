@@ -95,7 +95,9 @@ def same_either_way(scenario):
     return compiled
 
 
-def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path):
+def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)  # as of `python -m`
+    (tmp_path / "wanderer").mkdir()  # its run folder, say
     said = called("new", "controller", "wanderer")
     assert said == "wanderer.py: try it: epuck-sim run thesis --controller wanderer.py\n"
     assert (tmp_path / "wanderer.py").read_text().count("#") > 8
