@@ -85,9 +85,9 @@ def play(
     controller: options.ControllerOption = None,
 ) -> None:
     """Open SCENARIO as a page in the browser, from a file in the user's cache, which the next one replaces."""
-    import platformdirs
+    from epuck_sim.util.cache_folder import cache_root
 
-    path = platformdirs.user_cache_path("epuck-sim", ensure_exists=True) / "page.html"
+    path = cache_root().resolve() / "page.html"
     _make_page(scenario, path, settings, controller)
     webbrowser.open(path.as_uri())
     typer.echo(path)

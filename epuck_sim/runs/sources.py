@@ -243,7 +243,7 @@ def is_trusted(folder: Path) -> bool:
         return True
     try:
         return digest in _trusted_file().read_text(encoding="ascii").split()
-    except (OSError, UnicodeDecodeError):
+    except (OSError, UnicodeDecodeError, RuntimeError):  # the last: a user without a home
         return False
 
 
@@ -253,7 +253,7 @@ def trust(folder: Path) -> None:
         return
     digest = _digest(code_in(folder))
     _trusted.add(digest)
-    with suppress(OSError):
+    with suppress(OSError, RuntimeError):
         _trusted_file().parent.mkdir(parents=True, exist_ok=True)
         with _trusted_file().open("a", encoding="ascii") as file:
             file.write(f"{digest}\n")

@@ -26,8 +26,8 @@ def cache_root(*, to_fill: bool = False) -> Path:
     A folder that others can write to is not used, as its code is run; nor one without room, if it is to be filled.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
     try:
+        folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
         folder.mkdir(parents=True, exist_ok=True)
         if not chosen:
             folder.chmod(0o700)
@@ -37,11 +37,11 @@ def cache_root(*, to_fill: bool = False) -> Path:
         if _is_private(folder.resolve()):
             return folder
         reason = "other users can write to it"
-    except OSError as error:  # a home that is full or cannot be written to: compile once a machine, not once a run
-        reason = error.strerror or str(error)
+    except (OSError, RuntimeError) as error:  # there is no home, or no room: compile once a machine, not once a run
+        reason = getattr(error, "strerror", None) or str(error)
     instead = _temporary_root()
     if chosen:
-        warnings.warn(f"NUMBA_CACHE_DIR {folder}: {reason}; compiled code is kept in {instead}", stacklevel=2)
+        warnings.warn(f"NUMBA_CACHE_DIR {chosen}: {reason}; compiled code is kept in {instead}", stacklevel=2)
     return instead
 
 

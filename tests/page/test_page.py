@@ -163,7 +163,7 @@ def test_commands_write_a_page_and_say_where_or_open_it_and_notebooks_show_it(mo
     assert f"epuck-sim page '{scenario}' --set agents.count=7 --set KEY=VALUE" in unescape(path.read_text())
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("epuck_sim.util.cache_folder.cache_root", lambda: tmp_path)
     paths = [Path(call("play", name).stdout.strip()) for name in ("particles", "pair")]
     assert opened == [paths[0].as_uri()] * 2
     assert "epuck-sim page pair" in paths[0].read_text()

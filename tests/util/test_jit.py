@@ -20,9 +20,11 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
+import platformdirs
 import pytest
 from numba import njit
 
+from epuck_sim.runs.sources import is_trusted, trust
 from epuck_sim.util import cache_folder, jit
 from epuck_sim.util.cache_folder import ROOM_BYTES, UNUSED_S, USER, cache_root, remove_unused
 from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
@@ -282,6 +284,20 @@ def test_without_a_cache_folder_there_is_one_of_the_user_among_temporary_files(t
         assert folder == temporary / f"epuck-sim-{USER}"
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
         cache_root.cache_clear()
+
+
+def test_a_user_without_a_home_has_a_cache_folder_too_and_trusts_code_while_the_process_lasts(temporary, monkeypatch):
+    def homeless(_: str) -> Path:
+        raise RuntimeError("could not determine the home directory")
+
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    for name in ("user_cache_path", "user_state_path"):
+        monkeypatch.setattr(platformdirs, name, homeless)
+    assert cache_root() == temporary / f"epuck-sim-{USER}"
+    (temporary / "code.py").write_text("homeless = True\n")
+    assert not is_trusted(temporary)
+    trust(temporary)
+    assert is_trusted(temporary)
 
 
 @pytest.mark.parametrize("kind", ["open to all", "link", "of another user"])
