@@ -9,6 +9,7 @@ import rerun.blueprint as rrb
 
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import READING
+from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level
 from epuck_sim.recording.layers import CAMERA, INFRARED, LEGEND, NIGHT, SPACE_TIME, number_width
 from epuck_sim.recording.rows import population_of
@@ -118,6 +119,8 @@ def layout_file(given: Arrangement) -> bytes:
 
     The file is made in memory, as on a full disk rerun would wait for ever. It also holds an empty recording.
     """
+    if not rr.is_enabled():
+        raise RecordingError("RERUN is off in the environment, and nothing can be recorded: unset it")
     stream = rr.RecordingStream(APPLICATION, send_properties=False)
     layout = stream.memory_recording()
     stream.send_blueprint(make_layout(given))

@@ -8,6 +8,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
@@ -133,11 +134,19 @@ def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_the
     ]
 
 
-def test_a_backend_that_matplotlib_does_not_know_is_refused_in_one_line() -> None:
-    given = {"env": os.environ | {"MPLBACKEND": "none-such"}, "capture_output": True, "text": True}
-    done = subprocess.run([sys.executable, "-m", "epuck_sim", "plot", "gone"], check=False, **given)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert done.stderr.startswith("error: MPLBACKEND: Key backend: 'none-such' is not a valid value")
+@pytest.mark.parametrize(
+    ("name", "value", "command", "said"),
+    [
+        ("MPLBACKEND", "none-such", "plot gone", "MPLBACKEND: Key backend: 'none-such' is not a valid value"),
+        ("RERUN", "off", "run pair --record pair.rrd", "RERUN is off in the environment"),
+    ],
+)
+def test_variables_of_libraries_that_leave_nothing_to_do_are_refused_in_one_line(name, value, command, said, tmp_path):
+    given = {"env": os.environ | {name: value}, "capture_output": True, "text": True, "cwd": tmp_path}
+    done = subprocess.run([sys.executable, "-m", "epuck_sim", *command.split()], check=False, **given)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert done.stderr.startswith(f"error: {said}")
+    assert not list(tmp_path.iterdir())
 
 
 def test_letters_that_stdout_does_not_have_are_shown_as_escapes() -> None:
