@@ -119,9 +119,9 @@ def layout_file(given: Arrangement) -> bytes:
 
     The file is made in memory, as on a full disk rerun would wait for ever. It also holds an empty recording.
     """
-    if not rr.is_enabled():
-        raise RecordingError("RERUN is off in the environment, and nothing can be recorded: unset it")
     stream = rr.RecordingStream(APPLICATION, send_properties=False)
+    if not rr.is_enabled(stream):
+        raise RecordingError("RERUN is off in the environment, and nothing can be recorded: unset it")
     layout = stream.memory_recording()
     stream.send_blueprint(make_layout(given))
     return layout.drain_as_bytes()
