@@ -62,7 +62,7 @@ RobotsOption = Annotated[
     int | None,
     decision_option(
         "N",
-        "Number of robots; by default as the film describes it. T_sync is unknown if flashes do not add up to it.",
+        "Number of robots; by default as the film describes it. T_sync is unknown if the flashes do not fit it.",
         min=1,
     ),
 ]
@@ -139,18 +139,18 @@ def track(
     film: Annotated[str | None, argument("FILM", "The file of a film, of any format, or its URL.")] = None,
     camera: Annotated[
         int | None,
-        film_option("N", "Track a live camera instead, until the swarm is synchronised or Ctrl-C.", min=0),
+        film_option("N", "Track a live camera instead, until synchrony or Ctrl-C.", min=0),
     ] = None,
     web: Annotated[
         bool, camera_option("--web", "Show what --camera sees, with rings and histogram, in a browser.")
     ] = False,
     port: options.PortOption = None,
-    record: Annotated[Path | None, camera_option("FILE.mp4", "Write what --camera sees, to track it again.")] = None,
+    record: Annotated[Path | None, camera_option("FILE.mp4", "Save what --camera sees, to track it again.")] = None,
     start: Annotated[
-        float, film_option("--start-s S", "Leave out what is before this time on the film's clock.", min=0)
+        float, film_option("--start-s S", "Leave out frames before this time on the film's clock.", min=0)
     ] = 0.0,
     end: Annotated[
-        float | None, film_option("--end-s S", "Leave out what is after this time on the film's clock.", min=0)
+        float | None, film_option("--end-s S", "Leave out frames after this time on the film's clock.", min=0)
     ] = None,
     fps: Annotated[
         float | None, film_option("N", "Frames per second, instead of the film's time stamps.", min=0.1, max=10_000)
@@ -189,16 +189,16 @@ def track(
     ] = None,
     flashes: Annotated[
         Path | None,
-        output_option("FILE.csv|.parquet", "Write when, how long and where each flash was, and whose it is."),
+        output_option("FILE.csv|.parquet", "Write time, duration, place and robot of each flash."),
     ] = None,
     trace: Annotated[
         Path | None,
         output_option(
-            "FILE.parquet|.csv", "Write a row for each robot and frame, with columns that `run --trace` writes, too."
+            "FILE.parquet|.csv", "Write a row for each robot and frame, with columns named as in `run --trace`."
         ),
     ] = None,
     pairs: Annotated[
-        Path | None, output_option("FILE.csv|.parquet", "Write how often each two robots flash together.")
+        Path | None, output_option("FILE.csv|.parquet", "Write how often each pair of robots flashes together.")
     ] = None,
     annotate: Annotated[
         Path | None, output_option("FILE.mp4", "Write the film with the rings found and the histogram drawn.")
@@ -282,10 +282,10 @@ def compare_film(
         ),
     ] = None,
     fit: Annotated[
-        Path | None, output_option("FILE.yaml", "Write the scenario with what the film tells of robots.")
+        Path | None, output_option("FILE.yaml", "Write the scenario with robots fitted to the film.")
     ] = None,
 ) -> None:
-    """Print what FILM has of T_sync, flashes, speeds and clocks, beside the distributions in simulated trials."""
+    """Compare T_sync, flashes, speeds and clocks in FILM with their distributions in simulated trials."""
     from epuck_sim.cli.progress import progress_bar, trials_bar
     from epuck_sim.cli.tables import print_comparison
     from epuck_sim.overhead import compare
@@ -296,7 +296,7 @@ def compare_film(
 
     swapped = f"{scenario}: is a film, not a scenario; give FILM first, then SCENARIO"
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
-    loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
+    loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "a film needs model: embodied")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
     scene = scene_options(arena, height, corners, lens, period, robots, tags)
     files = {}
@@ -318,7 +318,7 @@ def compare_film(
     if floor_cm != simulated_cm:
         print_stderr(
             f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
-            f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they are the same, check --arena-cm or SCENARIO"
+            f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they should be the same, check --arena-cm or SCENARIO"
         )
     shown, count = track.options.robots or track.robots_seen, loaded.robot_count
     if shown > count or track.options.robots not in (None, count):

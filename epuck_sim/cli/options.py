@@ -51,7 +51,7 @@ WEB_PORT = 9090  # default port of viewers for browsers
 
 GONE = {
     "--status": "--status is a command of its own: epuck-sim status FOLDER",
-    "--durable": "--durable is needed no more: what is stored is synced at each commit; leave it out",
+    "--durable": "--durable is no longer needed: results are synced to disk at each commit; leave it out",
     "--time": "--time of `check` is a command of its own: epuck-sim plan SCENARIO --seconds 5",
 }
 """Removed options, and what to do instead."""
@@ -117,7 +117,7 @@ ScenarioArgument = Annotated[
     str,
     argument(
         "SCENARIO",
-        "A YAML file, a scenario's name (see `list`), or a run folder to go on with.",
+        "A YAML file, a scenario's name (see `list`), or a run folder to continue.",
         autocompletion=complete("epuck_sim.scenario.loader", "SCENARIO"),
         show_default=False,
     ),
@@ -130,7 +130,7 @@ AxesOption = Annotated[
         "Add an axis: count=5,10, or count=5:50:10:lin for 10 even steps, :log for even factors; repeatable.",
     ),
 ]
-TrialsOption = Annotated[int | None, scenario_option("N", "Trials, at each point of a sweep.", min=1, max=10_000_000)]
+TrialsOption = Annotated[int | None, scenario_option("N", "Trials; in a sweep, at each point.", min=1, max=10_000_000)]
 ControllerOption = Annotated[
     str | None,
     scenario_option(
@@ -143,14 +143,14 @@ MeasureOption = Annotated[
     list[str] | None,
     scenario_option(
         "--measure FILE",
-        "Measure more, by a name (`list --measures`) or file; repeatable.",
+        "Add a measure: a name (see `list --measures`) or a file; repeatable.",
         autocompletion=complete("epuck_sim.measures.measure", "MEASURE"),
     ),
 ]
-QuickOption = Annotated[bool, scenario_option("--quick", "Take the scenario's quick version.")]
+QuickOption = Annotated[bool, scenario_option("--quick", "Use the scenario's quick version.")]
 WorkersOption = Annotated[int | None, sweeps_option("N", "Worker processes; all cores by default.", min=1)]
 DaskOption = Annotated[str | None, sweeps_option("ADDRESS", "Run on this Dask scheduler's workers.")]
-PointOption = Annotated[int | None, sweeps_option("K", "One trial of a sweep: its point, from 0.", min=0)]
+PointOption = Annotated[int | None, sweeps_option("K", "One trial of a sweep: number of its point, from 0.", min=0)]
 TrialOption = Annotated[int | None, sweeps_option("J", "One trial of a sweep: its number, from 0.", min=0)]
 InterpretOption = Annotated[bool, controllers_option("--interpret", "Run controllers as plain Python.")]
 WebOption = Annotated[bool, live_option("--web", "Show it in a browser instead of a window.")]
@@ -165,7 +165,7 @@ OfOption = Annotated[
         callback=lambda of: None if of == "T_sync" else of,
     ),
 ]
-TrustOption = Annotated[bool, sweeps_option("--trust", "Run the code that another's run folder brings, as you.")]
+TrustOption = Annotated[bool, sweeps_option("--trust", "Run the code in another user's run folder, as you.")]
 JsonOption = Annotated[bool, output_option("--json", "Print JSON.")]
 CsvOption = Annotated[bool, output_option("--csv", "Print the table as CSV.")]
 

@@ -77,10 +77,10 @@ def print_plan(name: str, duration: Duration, plan: TrialPlan | None, *, as_json
     else:
         computing, with_workers = (_in_words(each, duration.is_cut) for each in (duration.compute_s, wall_s))
         workers = counted(duration.workers, "worker")
-        cut = "; the last was cut, so that it is more" if duration.is_cut else ""
+        cut = "; the last was cut short, so the sweep takes longer" if duration.is_cut else ""
         lines = [
             f"{total}: {duration.left}{of_share} are left: {computing} of computing, {with_workers} with {workers}.",
-            f"That follows from {counted(duration.timed, 'trial')}{cut}.",
+            f"Estimated from {counted(duration.timed, 'trial')}{cut}.",
         ]
     print("\n".join(map(folded, [*lines, *describe_at_limit(duration.at_limit)])))
 

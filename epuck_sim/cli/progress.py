@@ -86,7 +86,7 @@ class TrialProgress(_ProgressLine):
             if done < planned:
                 file = native.compiled_now()
                 now = f", now {file.name}" if file else ""
-                self.show(f"compiling {done} of {planned} functions so far{now}; a further run finds them compiled")
+                self.show(f"compiled {done} of {planned} functions so far{now}; later runs reuse them")
                 if self._bar is None:
                     return
 
@@ -99,7 +99,7 @@ class TrialProgress(_ProgressLine):
             now = self._at_work() if self._at_work else None
             if now is not None and now == last and self._trial != told:
                 told = self._trial
-                print_stderr(f"{never_returned(*now, AT_WORK_S)}; Ctrl-C, given twice, ends it")
+                print_stderr(f"{never_returned(*now, AT_WORK_S)}; press Ctrl-C twice to end it")
             last = now
 
     def __enter__(self) -> Self:
@@ -139,7 +139,7 @@ class TrialProgress(_ProgressLine):
         )
 
     def _tell_of_hopelessness(self, order: float) -> None:
-        said = "ends at its limit: one oscillator has none to synchronise with"
+        said = "will end at its limit: its one oscillator has no other to synchronise with"
         if not self._is_alone:
             from epuck_sim.trial.result import WINDOW
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
 results = typer.Typer()
 
 _STATISTIC_HELP = (
-    "What stands for the trials of a point: their mean (restricted to the limit of cycles where trials are "
-    "censored), by default; their median; or the mean of the nearest Weibull distribution (Appendix A)."
+    "Statistic of the trials at a point: by default their mean (restricted to the limit of cycles where trials are "
+    "censored); their median; or the mean of the nearest Weibull distribution (Appendix A)."
 )
 
 Form = StrEnum("Form", ["CURVES", "MAP", "VIOLINS", "SERIES", "PERTURBATION", "COURSE"])  # ways to draw a sweep
@@ -48,9 +48,9 @@ def summarize(
     as_json: options.JsonOption = False,
     as_csv: options.CsvOption = False,
 ) -> None:
-    """Print the statistics of T_sync, or of a measure, at each point of a sweep; censored trials count as such.
+    """Print the statistics of T_sync, or of a measure, at each point of a sweep; censored trials are accounted for.
 
-    Of a measure that is a series, these are the statistics at each cycle; the table shows some of the cycles.
+    For a measure that is a series, print them at each cycle; the table shows some of the cycles.
     """
     from epuck_sim.cli.tables import show
     from epuck_sim.runs.reader import read_points
@@ -79,7 +79,7 @@ def fit(
 ) -> None:
     """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale.
 
-    Of a measure, print its minimum and its peak along an axis.
+    For a measure, print its minimum and its peak along an axis.
     """
     from epuck_sim.cli.tables import show
     from epuck_sim.statistics.fit import fit_curves, fit_laws, fit_measure, fit_tables, measure_fit_table
@@ -106,7 +106,7 @@ def compare(
     ] = None,
     points: Annotated[
         list[str] | None,
-        option("K,L,...", "Compare these points, one of each folder, whatever its axes are; repeatable."),
+        option("K,L,...", "Compare these points, one of each folder, whatever their axes; repeatable."),
     ] = None,
     with_first: Annotated[bool, option("--with-first", "Compare each with the first, instead of all pairs.")] = False,
     of: options.OfOption = None,
@@ -123,7 +123,7 @@ def compare(
     names, places = [*map(str, folders)], [folder.resolve() for folder in folders]
     reject_first(
         options.both(as_json, as_csv),
-        (bool(axis and points), "--axis is of one folder, --points of several: give one of them"),
+        (bool(axis and points), "--axis is for one folder, --points for several: give one of them"),
         (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
         ((len(folders) == 1) == (not axis), "give two or more run folders, or one and --axis KEY=A,B"),
         *(
@@ -137,7 +137,7 @@ def compare(
         key = axis_key(typed, [point.axes for point in read[0]], f"--axis {axis[0]}")
         samples = match_values(read[0], key, values)
     elif points:
-        allowed = "allowed: numbers of points, one of each folder, as in 3,0"
+        allowed = "allowed: numbers of points, one for each folder, as in 3,0"
         wrong = ((re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)*", text) is None, text) for text in points)
         reject_first(*((is_wrong, f"--points is {text!r}; {allowed}") for is_wrong, text in wrong))
         samples = match_points(read, names, [[*map(int, text.split(","))] for text in points])
@@ -157,26 +157,26 @@ def plot(
     ] = None,
     x: Annotated[str | None, option("KEY", "Horizontal axis; by default the speed.")] = None,
     y: Annotated[str | None, option("KEY", "Vertical axis of a map.")] = None,
-    panels: Annotated[str | None, option("KEY", "Axis of curves that has a panel for each of its values.")] = None,
+    panels: Annotated[str | None, option("KEY", "For curves: an axis that gets a panel for each value.")] = None,
     names: Annotated[str | None, option("NAME,...", "Names of several folders; by default, their own.")] = None,
     to: Annotated[
         Path | None,
         option(
             "FILE",
-            "Write one picture, FILE.png, FILE.svg or FILE.pdf, or STEM.png, STEM.svg and so on; by default "
-            "FOLDER/T_sync or FOLDER/NAME_OF_MEASURE, and -FORM where one is given, or the recording's name.",
+            "Write one picture, FILE.png, FILE.svg or FILE.pdf, or STEM.png, STEM.svg and so on; by default STEM is "
+            "FOLDER/T_sync or FOLDER/NAME_OF_MEASURE, with -FORM if --form is given, or the recording's name.",
         ),
     ] = None,
     statistic: Annotated[Statistic | None, looks_option("mean|median|weibull-mean", _STATISTIC_HELP)] = None,
     censored_at: Annotated[
-        int | None, looks_option("CYCLES", "For violins: estimate the mean as if trials were censored there.", min=1)
+        int | None, looks_option("CYCLES", "For violins: the mean as if trials were censored after CYCLES.", min=1)
     ] = None,
     log: Annotated[
         bool | None, looks_option("--log/--linear", "Scale of T_sync or the measure.", show_default="log for T_sync")
     ] = None,
     points: Annotated[bool, looks_option("--points", "Draw each trial as a dot, in curves and violins.")] = False,
     theory: Annotated[
-        bool, looks_option("--theory", "Dash what predict says of T_sync against speed under the curves.")
+        bool, looks_option("--theory", "Add T_sync against speed as `predict` gives it, dashed, under the curves.")
     ] = False,
     title: Annotated[str | None, looks_option("TEXT", "Title; by default there is none.")] = None,
     label: Annotated[
@@ -186,7 +186,7 @@ def plot(
         float | None,
         looks_option(
             "CM",
-            "Width of a sweep's figure: 8.5 cm, that of a column, or 17.5 cm, that of a page, for several panels.",
+            "Width of a sweep's figure; by default 8.5 (a column), or 17.5 (a page) for several panels.",
             min=5,
             max=100,
         ),
@@ -196,7 +196,7 @@ def plot(
 ) -> None:
     """Draw T_sync or a measure of sweeps, as curves, a map or violins; their trials over time; or a recorded trial.
 
-    A caption is written beside the figure, and its numbers. A scenario's section figure has the same options.
+    A caption and the numbers are written beside the figure. A scenario's section figure has the same options.
     """
     from epuck_sim.figures.saving import parse_target
 
@@ -249,7 +249,7 @@ def _plot_trial(recording: Path, wanted: dict[str, Any], target: "Target | None"
     from epuck_sim.recording.reader import read_recording
 
     for name, value in wanted.items():
-        reject_first((value is not None, f"{flag(name, value)} is for run folders; {recording} is none"))
+        reject_first((value is not None, f"{flag(name, value)} is for run folders; {recording} is a recording"))
     recorded = read_recording(recording)
     check_drawable(recorded, str(recording))
     return save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded))
@@ -270,14 +270,14 @@ def report(
 
 @results.command()
 def plan(
-    sweep: Annotated[str, argument("SCENARIO|FOLDER", "A scenario that is to be run, or a run folder.")],
+    sweep: Annotated[str, argument("SCENARIO|FOLDER", "A scenario to be run, or a run folder.")],
     difference: Annotated[
         float | None,
-        option("PERCENT", "Of a run folder: the difference to be seen; 20 by default.", min=0.1, max=10_000),
+        option("PERCENT", "For a run folder: the difference to detect; 20 by default.", min=0.1, max=10_000),
     ] = None,
     of: options.OfOption = None,
     power: Annotated[
-        float | None, option("PERCENT", "How often it is to be seen, with p < 0.05; 80 by default.", min=5.0, max=99.9)
+        float | None, option("PERCENT", "How often to detect it, with p < 0.05; 80 by default.", min=5.0, max=99.9)
     ] = None,
     trials: options.TrialsOption = None,
     settings: options.SetOption = None,
@@ -291,10 +291,10 @@ def plan(
     trust: options.TrustOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Print how long a sweep will take, by timing some of its trials, or how long one will take to go on.
+    """Print how long a sweep will take, by timing some of its trials, or how long the rest of one will take.
 
-    For a run folder, also print how many trials a point needs to show --difference: of T_sync or a measure in per cent,
-    with the spread of the stored trials; of a truth value, whose share of trials is compared, in percentage points.
+    For a run folder, also print how many trials a point needs to show --difference, given the spread of stored trials:
+    a difference in per cent of T_sync or a measure; for a truth value, in percentage points of its share of trials.
     """
     from epuck_sim.cli.plan import duration_of_folder, duration_of_scenario, print_plan
     from epuck_sim.runs.folder import DATABASE
@@ -323,7 +323,7 @@ def plan(
         if of or difference or all(point.has_t_sync for point in stored):
             planned = plan_trials(stored, (difference or 20) / 100, (power or 80) / 100)
         else:
-            typer.echo("note: trials have no T_sync; --of NAME tells how many trials a measure takes", err=True)
+            typer.echo("note: trials have no T_sync; give --of NAME to see how many trials a measure needs", err=True)
         duration = duration_of_folder(folder, trials, processes, trusted=trust)
     else:
         loaded = options.read_scenario(sweep, settings, axes, quick=quick)
@@ -339,7 +339,7 @@ def replicate(
     claims: Annotated[list[str] | None, argument("CLAIM", "Claims, such as R36; all by default.")] = None,
     out: Annotated[Path, option("FOLDER", "Folder of the page and its run folders.")] = Path("replication"),
     file: Annotated[
-        Path | None, option("--claims FILE.yaml", "Ask the claims of this file instead of the thesis's.")
+        Path | None, option("--claims FILE.yaml", "Test the claims in this file instead of the thesis's.")
     ] = None,
     only_list: Annotated[bool, option("--list", "Print the claims, and run nothing.")] = False,
     until_decided: Annotated[
@@ -400,5 +400,5 @@ def replicate(
         typer.echo(undecided.to_text(terminal_width()))
     typer.echo(page)
     if count := sum(failed.values()):
-        typer.echo(f"{counted(count, 'trial')} failed; give the command again to retry them", err=True)
+        typer.echo(f"{counted(count, 'trial')} failed; run the command again to retry them", err=True)
         raise typer.Exit(1)

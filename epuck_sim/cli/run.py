@@ -33,7 +33,7 @@ def run(
     film: Annotated[Path | None, options.output_option("FILE.mp4", "Film with the camera above the arena.")] = None,
     live: Annotated[bool, options.output_option("--live", "Show the trial while it runs.")] = False,
     as_json: options.JsonOption = False,
-    trace: Annotated[Path | None, options.more_output_option("FILE.parquet", "Write every robot and step.")] = None,
+    trace: Annotated[Path | None, options.more_output_option("FILE.parquet", "Write a row per robot and step.")] = None,
     memory: Annotated[
         list[str] | None,
         options.more_output_option(
@@ -58,7 +58,7 @@ def run(
     interpret: options.InterpretOption = False,
     traceback: Annotated[
         bool,
-        options.controllers_option("--traceback", "Print the traceback of what a controller raises; for --interpret."),
+        options.controllers_option("--traceback", "With --interpret: print the traceback of a controller's error."),
     ] = False,
     workers: options.WorkersOption = None,
     dask: options.DaskOption = None,
@@ -69,16 +69,16 @@ def run(
     until: Annotated[
         str | None,
         options.sweeps_option(
-            "10%", "Add trials until half of each interval's width is 10 % of T_sync, or, as 3, cycles."
+            "10%", "Add trials until half of each interval's width is 10 % of T_sync; 3 means 3 cycles."
         ),
     ] = None,
     contrast: Annotated[
         str | None,
-        options.sweeps_option("KEY", "Ask --until of ratios, or differences in cycles, to the first value of an axis."),
+        options.sweeps_option("KEY", "Apply --until to ratios, or differences in cycles, to the axis's first value."),
     ] = None,
     trial_timeout: Annotated[
         float | None,
-        options.sweeps_option("SECONDS", "A trial of a sweep that takes longer has failed; key trial_timeout_s."),
+        options.sweeps_option("SECONDS", "Trials of a sweep that take longer fail; sets the key trial_timeout_s."),
     ] = None,
     take_over: Annotated[
         bool,
@@ -93,7 +93,7 @@ def run(
 ) -> None:
     """Simulate SCENARIO until the swarm is synchronised: some trials, or a sweep.
 
-    Of several trials, files are FILE-0, FILE-1, ... A sweep needs --out FOLDER.
+    Files of several trials are named FILE-0, FILE-1, ... A sweep needs --out FOLDER.
     """
     has_rows = trace is not None or record is not None or live
     is_watched = has_rows or film is not None
@@ -110,7 +110,7 @@ def run(
         (contrast is not None and until is None, "--contrast is for --until"),
         (
             until is not None and share is not None,
-            "--until and --share exclude each other: a look at a point takes all its trials",
+            "--until and --share exclude each other: --until needs all trials of a point",
         ),
     )
     outputs = {"--trace": (trace, [".parquet"]), "--film": (film, [".mp4"])}
@@ -123,14 +123,14 @@ def run(
     folder = out or (file.parent if file.parent == Path(scenario) and not is_one else None)
     is_none = folder is None
     reject_first(
-        (is_one and (None in (point, trial) or out is not None), "--point and --trial go together, and without --out"),
+        (is_one and (None in (point, trial) or out is not None), "give --point and --trial together, without --out"),
         (is_none and (workers or dask) is not None, "--workers and --dask need a run folder: --out FOLDER"),
         (is_none and trial_timeout is not None, "--trial-timeout is for sweeps: give --out FOLDER"),
         (is_none and until is not None, "--until is for sweeps: give --out FOLDER"),
         (is_none and share is not None, "--share needs a run folder of its own: --out FOLDER"),
         (
             not is_none and is_watched,
-            "a sweep keeps no traces, recordings and films; --point and --trial run one trial again, with them",
+            "a sweep keeps no traces, recordings or films; give --point and --trial to run one trial again with them",
         ),
     )
     if folder is not None and take_over and (holder := run_folder.take_over(folder)) is not None:
@@ -180,10 +180,10 @@ def replay(
         (at is not None and screenshot is None, "--at is for --screenshot"),
         (screenshot is not None and screenshot.suffix != ".png", "--screenshot: a picture's name must end in .png"),
         (not source.exists(), f"{source}: there is no such file or run folder"),
-        (source.is_dir() and not again, f"{source}: is a folder; of a run folder give --point and --trial, from 0"),
+        (source.is_dir() and not again, f"{source}: is a folder; of a run folder, give --point and --trial, from 0"),
         (
             source.is_dir() != again or (point is None) != (trial is None),
-            "--point and --trial go together, and with a run folder",
+            "give --point and --trial together, with a run folder",
         ),
         ((record is not None or interpret) and not again, "--record and --interpret are for a run folder's trial"),
     )
@@ -206,7 +206,7 @@ def replay(
     end_s = last_moment_s(file)
     if screenshot is not None:
         reject_first(
-            (end_s < 0, f"{file}: holds no moment of a trial, of which there is no picture"),
+            (end_s < 0, f"{file}: holds no moment of a trial that could be drawn"),
             (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends"),
         )
         draw_screenshot(file, end_s if at is None else at, screenshot)
@@ -229,7 +229,7 @@ def announce(address: str) -> None:
 def status(folders: options.FoldersArgument, as_json: options.JsonOption = False) -> None:
     """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it.
 
-    Of several folders, such as the shares of a sweep, a line each and their sum; as JSON, a list.
+    For several folders, such as the shares of a sweep, print a line for each, and their sum; as JSON, a list.
     """
     from epuck_sim.cli.tables import print_status, print_statuses
     from epuck_sim.runs.reader import read_status
@@ -260,7 +260,7 @@ def merge(
 
 @runs.command()
 def verify(folder: options.FolderArgument) -> None:
-    """Look at every file of FOLDER, and say whether it is whole; exit code 1 if one is not. Nothing in it is run."""
+    """Check whether every file of FOLDER is whole; exit code 1 if one is not. No code in FOLDER is run."""
     from epuck_sim.runs.reader import verify as verdicts
 
     found = verdicts(folder)

@@ -19,7 +19,7 @@ from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import TEMPLATES, builtin_folder
 
 scenarios = typer.Typer()
-news = typer.Typer(no_args_is_help=True, help="Write a commented file to begin with.")
+news = typer.Typer(no_args_is_help=True, help="Write a commented file to start from.")
 
 
 @scenarios.command()
@@ -32,7 +32,7 @@ def check(
 ) -> None:
     """Validate SCENARIO, with every point of its sweep, and print it with every default written out.
 
-    Comments at its end say how many points and trials it has, and what they take.
+    A comment at the end says how many points and trials it has, and how much disk and memory they need.
     """
     from epuck_sim.runs.sources import is_trusted, run_folder_of
     from epuck_sim.scenario.loader import RUN_SCENARIO, points, write_scenario
@@ -42,7 +42,7 @@ def check(
         changed = any((settings, axes, controller, quick))
         reject_first((changed, f"{folder}: brings code that you have not run; only what is stored can be shown"))
         sys.stdout.write((folder / RUN_SCENARIO).read_text(encoding="utf-8", errors="replace"))
-        sys.stdout.write("# as it is stored: not checked, as that would run code which you have not run\n")
+        sys.stdout.write("# as stored; not checked, because that would run code that you have not run\n")
         return
     loaded = options.read_scenario(scenario, settings, axes, controller=controller, quick=quick)
     with word_if_slow(f"checking {scenario}"), prefix_scenario(scenario):
@@ -73,7 +73,7 @@ def page(
     settings: options.SetOption = None,
     controller: options.ControllerOption = None,
 ) -> None:
-    """Write SCENARIO as one HTML file in which it runs: with the program's own kernels, without server and network."""
+    """Write one HTML file that simulates SCENARIO, with the program's own kernels, without server or network."""
     _make_page(scenario, to, settings, controller)
     typer.echo(to)
 
@@ -84,7 +84,7 @@ def play(
     settings: options.SetOption = None,
     controller: options.ControllerOption = None,
 ) -> None:
-    """Open SCENARIO as a page in the browser, from a file in the user's cache, which the next one replaces."""
+    """Open SCENARIO as a page in the browser, from a file in the user's cache that the next `play` replaces."""
     from epuck_sim.util.cache_folder import cache_root
 
     path = cache_root().resolve() / "page.html"
@@ -109,7 +109,7 @@ def predict(
     as_json: options.JsonOption = False,
     as_csv: options.CsvOption = False,
 ) -> None:
-    """Predict regimes and T_sync of SCENARIO from who hears whom, without a trial; of a sweep, a row a point."""
+    """Predict regimes and T_sync of SCENARIO from who hears whom, without a trial; for a sweep, a row a point."""
     reject_first(options.both(as_json, as_csv))
     loaded = options.read_scenario(scenario, settings, axes, quick=quick)
     from epuck_sim.cli.tables import show
@@ -174,7 +174,7 @@ def _write_new(kind: str, name: str) -> None:
     is_module = may_clash and (name in sys.stdlib_module_names or getattr(found, "origin", None) is not None)
     reject_first(
         (not is_name, f"{name!r} is no name for {one}; allowed: {letters}, such as {new.example}"),
-        (kind == "sensor" and name in Sensors._fields, f"{name!r} is sensed by all robots; give another name"),
+        (kind == "sensor" and name in Sensors._fields, f"{name!r} is a reading of all robots; give another name"),
         (Path(file).exists(), f"{file}: exists already; give another name"),
         (is_module, f"{name} is the name of a module that Python has already; give another name"),
     )

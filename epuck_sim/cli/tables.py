@@ -111,7 +111,7 @@ def print_status(status: "Status", as_json: bool, looks: Table | None = None) ->
         f"{censored}failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}",
     ]
     if status.unmeasured:
-        lines.append(f"{status.unmeasured} of these results lack measures that were added")
+        lines.append(f"{status.unmeasured} of these results lack measures that were added later")
     lines += (f"{counted(row.trials, 'trial')}: {format_versions(row.made_by)}" for row in status.versions)
     if status.at_work:
         lines.append(f"{status.at_work} is at work on it")
@@ -136,7 +136,7 @@ def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:
         for each in points[:MOST_LISTED]
     ]
     if len(points) > MOST_LISTED:
-        lines.append(f"so it is at {counted(len(points) - MOST_LISTED, 'further point')}")
+        lines.append(f"and so it is at {counted(len(points) - MOST_LISTED, 'further point')}")
     if lines:
         lines[-1] += "; go on, or take another limit in a new folder: --set stop.max_cycles=N, or stop.max_time_s=S"
     return lines
@@ -223,8 +223,8 @@ def _if_estimated(track: "Track", name: str) -> str:
 
 
 UNTOLD = (
-    "A film does not tell coupling, refractory time, what robots see and how late, or gains of infrared sensors: those "
-    "stay as the scenario has them, and trials may differ from the film by them."
+    "A film does not show coupling, refractory time, what robots see and how late, or gains of infrared sensors: these "
+    "stay as in the scenario, and may make trials differ from the film."
 )
 
 
@@ -265,7 +265,7 @@ def print_comparison(
     title = f"{film} beside trials of {scenario}"
     compared = Table(title, [Row({}, _cells_of_quantity(row)) for row in rows], (), headings)
     values = [Row({}, {"key": key, "value": each}) for key, each in fitted.items()]
-    told = Table("What the film tells of the scenario, with 95 % intervals", values, [UNTOLD])
+    told = Table("Values fitted to the film, with 95 % intervals", values, [UNTOLD])
     show([compared, told], None, as_json=False)
 
 

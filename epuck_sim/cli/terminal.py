@@ -117,14 +117,14 @@ class Watchdog:
             since_s, read_s = read_s, time.monotonic()  # these signals came after the last ones were read
             asked_s = [moment for moment in asked_s if moment > read_s - INSIST_S] + [read_s] * len(requests)
             if len(asked_s) >= INSISTENT:
-                _end("ended at the third request")
+                _end("ended at the third request to stop")
             while self._reacted_s < since_s and not unheard and time.monotonic() < read_s + GRACE_S:
                 time.sleep(0.02)
             unheard = 0 if self._reacted_s >= since_s else unheard + len(requests)
             if unheard > 1 or (unheard and requests != [signal.SIGINT]):
-                _end("ended where Ctrl-C is not heard")
+                _end("ended by force: the running code does not react to Ctrl-C")
             if unheard:
-                _say("Ctrl-C is not heard in here; press it again to end at once")
+                _say("the running code does not react to Ctrl-C; press it again to end at once")
 
 
 def _signal_main_thread(number: int) -> None:

@@ -187,7 +187,7 @@ def record_again(folder: Path, point: int, trial: int, file: Path, *, interpret:
     if stored is not None and stored != (result.cycles, result.censored):
         made = "; ".join(format_versions(row.made_by) for row in read_status(folder).versions)
         print_stderr(
-            f"note: this is not the trial that is stored, which lasted {stored[0]} cycles; its controller or the "
+            f"note: this trial differs from the stored one, which lasted {stored[0]} cycles; its controller or the "
             f"versions may have changed: the folder was made by {made}, this is {format_versions(versions())}"
         )
 

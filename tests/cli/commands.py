@@ -21,7 +21,7 @@ def call(*arguments: str | Path, env: dict[str, str] | None = None):
 def called(*arguments: str | Path, env: dict[str, str] | None = None) -> str:
     """Return what a command prints that ends well and has nothing to complain of."""
     result = call(*arguments, env=env)
-    said = re.sub(r"^(compiling|trial \d+ of \d+: cycle) .*\n", "", result.stderr, flags=re.M)  # of a busy machine
+    said = re.sub(r"^(compiled|trial \d+ of \d+: cycle) .*\n", "", result.stderr, flags=re.M)  # of a busy machine
     assert (result.exit_code, said) == (0, ""), result.exception or result.stderr
     return result.stdout
 

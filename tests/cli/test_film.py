@@ -128,7 +128,7 @@ def test_a_film_is_shown_beside_trials_and_fitted(film, here) -> None:
     printed = call(*words).stdout
     too_few = "3 trials are too few to tell whether the film is like them; give --trials 19 or more.\n\n"
     assert printed.startswith(too_few)
-    assert all(said in printed for said in ("speed straight ahead", "A film does not tell coupling"))
+    assert all(said in printed for said in ("speed straight ahead", "A film does not show coupling"))
     assert "commands" not in called("run", "lab.yaml", "--set", "stop.max_cycles=2", "--json")
 
 

@@ -70,12 +70,12 @@ def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(sc
     for number, each in enumerate(request_):
         if number:
             said = process.stderr.readline()
-            assert said == "Ctrl-C is not heard in here; press it again to end at once\n"
+            assert said == "the running code does not react to Ctrl-C; press it again to end at once\n"
             assert process.poll() is None
         os.kill(process.pid, each)
     stdout, stderr = process.communicate(timeout=300)  # the trial itself would never end
     assert process.returncode == 130
-    assert stderr.endswith("ended where Ctrl-C is not heard\n")
+    assert stderr.endswith("ended by force: the running code does not react to Ctrl-C\n")
     assert "Traceback" not in stdout + stderr
     assert sorted(path.name for path in scene.parent.iterdir()) == before
 
@@ -142,7 +142,7 @@ def test_the_third_request_in_a_row_ends_what_catches_every_one(tmp_path) -> Non
         assert process.stdout.readline() == "caught\n"
         time.sleep(0.2)  # until it sleeps again: what catches one request is not to be hit by the next
     os.kill(process.pid, signal.SIGINT)
-    assert end_of(process) == (130, "ended at the third request\n")
+    assert end_of(process) == (130, "ended at the third request to stop\n")
 
 
 @pytest.mark.parametrize("request_", [signal.SIGTERM, signal.SIGKILL])

@@ -133,8 +133,8 @@ def test_where_nothing_can_be_shown_the_trial_is_recorded_all_the_same(swept, he
 @pytest.mark.parametrize(
     ("change", "note"),
     [
-        ("cycles = cycles + 1000", "note: this is not the trial that is stored, which lasted 1006 cycles"),
-        ("censored = 1 - censored", "note: this is not the trial that is stored"),
+        ("cycles = cycles + 1000", "note: this trial differs from the stored one, which lasted 1006 cycles"),
+        ("censored = 1 - censored", "note: this trial differs from the stored one"),
         ("error = 'gone'", ""),
         ("wall_s = 0", ""),
     ],

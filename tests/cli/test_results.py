@@ -116,7 +116,7 @@ def test_compare_prints_points_and_what_holds_over_all_and_plan_how_long_more_tr
 
 def test_plan_of_a_folder_says_where_trials_tell_of_time_alone(tmp_path) -> None:
     for limit, printed, note in (
-        (None, ": all are stored.", "note: trials have no T_sync; --of"),
+        (None, ": all are stored.", "note: trials have no T_sync; give --of"),
         (0.95, "in 80 % of all cases: all are censored at their limit.", ""),
     ):
         scenario = sweep({SPEED: [1, 2]}, trials=9, stop={"order_parameter": limit, "max_cycles": 9})
@@ -132,7 +132,7 @@ def test_plan_of_a_scenario_times_some_of_its_trials_and_that_of_a_folder_names_
     options = ("--sweep", f"{SPEED}=1,2,4,8,10,12", "--set", "stop.max_cycles=2", "--trials", 1000, "--workers", 2)
     stdout = called("plan", "pair", *options)
     assert stdout.startswith("pair: 6 points, 1000 trials each: 6000 are left: ")
-    assert "That follows from 20 trials." in stdout
+    assert "Estimated from 20 trials." in stdout
     duration = read("plan", "pair", *options)["duration"]
     assert duration["compute_s"]["low"] < duration["compute_s"]["value"] < duration["compute_s"]["high"]
     assert duration["wall_s"] == pytest.approx(duration["compute_s"]["value"] / 2)

@@ -61,7 +61,7 @@ def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch) -> None
 
 def test_a_trial_that_looks_hopeless_says_so_once_and_what_to_do_and_ends_as_it_would() -> None:
     for changes, says in (
-        (["count=1", "coupling=0"], "ends at its limit: one oscillator has none to synchronise with"),
+        (["count=1", "coupling=0"], "will end at its limit: its one oscillator has no other to synchronise with"),
         (["count=3", "coupling=0"], "looks hopeless: over 200 cycles the order parameter, 0."),
     ):
         alone = ("run", "thesis", *set_to(*changes), "--json")
@@ -169,4 +169,4 @@ def test_ctrl_c_ends_a_long_trial_soon(tmp_path) -> None:
     lines = errors.read_text().splitlines()
     assert lines[-1] == "interrupted"
     told = [line for line in lines[:-1] if not line.startswith("trial 1 of 1: ")]
-    assert set(told) <= {"Ctrl-C is not heard in here; press it again to end at once"}  # a busy machine
+    assert set(told) <= {"the running code does not react to Ctrl-C; press it again to end at once"}  # a busy machine

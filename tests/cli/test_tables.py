@@ -164,7 +164,7 @@ def test_points_whose_trials_all_reach_their_limit_are_named_the_first_of_many(c
     *_, first, second = capsys.readouterr().out.splitlines()[: -MOST_LISTED + 1]
     assert first == "  every trial so far (24) reaches the limit"
     assert second == "  at coupling = 1, every trial so far (24) reaches the limit"
-    assert describe_at_limit(rows)[-1] == f"so it is at 2 further points{WHAT_TO_DO}"
+    assert describe_at_limit(rows)[-1] == f"and so it is at 2 further points{WHAT_TO_DO}"
     assert describe_at_limit(rows[:1]) == [f"every trial so far (24) reaches the limit{WHAT_TO_DO}"]
 
 
@@ -232,7 +232,7 @@ def test_code_that_is_found_at_the_same_step_of_a_robot_again_is_named_once_a_tr
         return capsys.readouterr().err
 
     same = (4, 7, "sensor eye")
-    named = "robot 4, step 7: its sensor eye has not returned for 0.001 s; Ctrl-C, given twice, ends it\n"
+    named = "robot 4, step 7: its sensor eye has not returned for 0.001 s; press Ctrl-C twice to end it\n"
     assert said_of([same] * 4) == named
     assert said_of([same, (4, 8, "sensor eye"), (5, 8, "sensor eye"), (5, 8, "controller")]) == ""
 
@@ -255,7 +255,7 @@ def test_what_is_compiled_is_counted_with_all_that_it_calls_and_said_while_it_is
     for times_said in (1, 0):  # the second time it is compiled
         with progress.TrialProgress(1, load_scenario("pair").stop):
             assert root(1) == 5
-        said = re.findall(r"compiling (\d+) of (\d+) functions so far, now test_tables.py", capsys.readouterr().err)
+        said = re.findall(r"compiled (\d+) of (\d+) functions so far, now test_tables.py", capsys.readouterr().err)
         assert len(said) == times_said
         assert all(done <= int(compiled) < int(of) <= planned + 2 for compiled, of in said)
         assert native.count_compiled() == (done + 2, planned + 2)
