@@ -200,8 +200,8 @@ def calibrate(
     if corners is None and not rings.number:
         raise FilmError(
             f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so "
-            "long that rings are discs? If there are rings, give the floor's corners by --corners, which determine "
-            "their size"
+            "long that rings are discs? If rings are there, give the floor's corners by --corners, which show how "
+            "large rings are"
         )
     found = fit_camera(size_px, floor_cm, above_cm, rings, corners, lens)
     if corners is not None and not is_given:

@@ -347,6 +347,6 @@ def read_lens(path: Path, size_px: tuple[int, int]) -> Lens:
     if size_px != (held.width_px, held.height_px):
         raise FilmError(
             f"{path}: was calibrated for pictures of {held.width_px} x {held.height_px} px, but these are "
-            f"{size_px[0]} x {size_px[1]} px; calibrate with the camera's mode that films"
+            f"{size_px[0]} x {size_px[1]} px; calibrate in the camera mode that you film in"
         )
     return held.lens

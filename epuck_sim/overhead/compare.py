@@ -227,12 +227,12 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
         least = f"give --trials {FEWEST_TRIALS} or more"
         return Verdict(math.nan, f"{trials} trials are too few to tell whether the film is like them; {least}")
     if not largest[0]:
-        return Verdict(math.nan, "nothing can be said: the film and the trials tell nothing in common")
+        return Verdict(math.nan, "nothing can be said: no quantity is known of both the film and the trials")
     caution = ""
     if 2 * rows[0].beyond > trials:
         caution = (
-            f"{rows[0].beyond} of {trials} trials are not synchronised when the film ends, so film for longer; by what "
-            "it tells, "
+            f"{rows[0].beyond} of {trials} trials are not synchronised when the film ends, so film for longer; as "
+            "far as it goes, "
         )
     p_value = float(np.count_nonzero(largest >= largest[0]) / (1 + trials))
     if p_value > UNLIKE:

@@ -239,7 +239,7 @@ def _picture_stream(name: str, container: InputContainer) -> VideoStream:
             raise FilmError(f"{name}: is a text file, not a film; give the film itself")
         return stream
     kinds = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"
-    raise FilmError(f"{name}: holds no moving pictures, only {kinds}: cut off, or not the film itself; give that")
+    raise FilmError(f"{name}: holds no moving pictures, only {kinds}: cut off, or not the film itself; give the film")
 
 
 def _duration_s(container: InputContainer, stream: VideoStream) -> float | None:

@@ -140,7 +140,7 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
         found = full_keys(typed, keys, option)
         if not found and not typed.startswith("overhead."):
             names = ", ".join(OverheadSection.model_fields)
-            raise FilmError(f"{option}: is no key of the camera, and the trial itself is over; allowed: {names}")
+            raise FilmError(f"{option}: is no key of the camera; the trial itself cannot change; allowed: {names}")
         mapping = set_value(mapping, (found or [typed])[0], value, option)
     return _require_rings(validate(mapping, source), source)
 

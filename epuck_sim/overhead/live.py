@@ -91,7 +91,7 @@ def track_camera(
                     return track
                 if track.reasons != reasons:
                     reasons = track.reasons
-                    tell(f"not yet believed to be synchronised: {'; '.join(reasons)}")
+                    tell(f"not yet counted as synchronised: {'; '.join(reasons)}")
         except KeyboardInterrupt:
             pass  # the frames until then are analysed
         except UnpluggedError as unplugged:
@@ -168,8 +168,8 @@ class LiveCamera:
         if not self._capture.isOpened():
             self._capture.release()
             raise FilmError(
-                f"{self.name} cannot be opened; allowed: the number of a camera that is plugged in, 0 for the first, "
-                "which this user may read and no other program uses"
+                f"{self.name} cannot be opened; allowed: the number of a camera that is plugged in (0 for the first), "
+                "that this user may read, and that no other program uses"
             )
         self._zero_s = time.monotonic()
         try:

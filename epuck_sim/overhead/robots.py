@@ -59,7 +59,7 @@ def find_robots(track: Track) -> Robots:
         )
     if expected is not None and identities.robots != expected:
         warnings.append(
-            f"flashes are linked to {identities.robots} robots, but there are {expected}: some were lost and count anew"
+            f"flashes are linked to {identities.robots} robots, but there are {expected}: lost ones are counted anew"
         )
     return Robots("motion", flashes, identities, np.arange(identities.robots), None, tuple(warnings))
 
@@ -70,8 +70,8 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     readings = _only_once(_only_expected(readings, expected, len(track.times_s), warnings), warnings)
     if not len(readings.number):
         raise FilmError(
-            f"{track.film}: no tag is read, or all are seen twice; check the dictionary, that the film is lit, by "
-            "infrared light at least, and that a module of a tag is three pixels wide or more"
+            f"{track.film}: no tag is read, or all are seen twice; check the dictionary, that the room is lit (at "
+            "least by infrared light), and that a module of a tag is three pixels wide or more"
         )
     numbers = np.unique(readings.number)
     if expected is not None and (unread := sorted(expected - set(numbers.tolist()))):
@@ -82,8 +82,8 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     is_whole = (flashes.onset_s > track.times_s[0]) & (flashes.end_s < track.times_s[-1])  # if cut, it may be one frame
     if unknown := np.count_nonzero((robot < 0) & is_whole):
         warnings.append(
-            f"flashes that are under no tag: {unknown} of {len(robot)}; there are robots without a tag, or whose tag "
-            "cannot be read"
+            f"flashes that are under no tag: {unknown} of {len(robot)}; some robots have no tag, or one that cannot "
+            "be read"
         )
     if expected_robots is not None and expected_robots != len(numbers):
         warnings.append(f"robots whose tags are read: {len(numbers)}, but there are {expected_robots}")

@@ -109,14 +109,14 @@ def objections(evidence: Evidence) -> list[str]:
     one_cm, two_cm = moves_cm(evidence)
     if not evidence.period_is_given and one_cm > 2 * two_cm + 1.0:
         found.append(
-            f"places flash again after two periods of {period_s:.4g} s rather than after one: two groups may "
-            f"flash in turn, and {2 * period_s:.4g} s be the period; give --period-s"
+            f"the same places flash again after two periods of {period_s:.4g} s, not one: two groups may flash in "
+            f"turn, and the period may be {2 * period_s:.4g} s; give --period-s"
         )
     at_s = evidence.in_order_s
     is_early = at_s is not None and at_s < evidence.counted.start_s + FROM_BEGINNING * period_s
     if is_early and not found and may_be_half_a_period(evidence):
         found.append(
-            f"flashes are in step from the beginning, or {2 * period_s:.4g} s are the period and two groups "
+            f"flashes are in step from the beginning, or the period is {2 * period_s:.4g} s and two groups "
             "flash in turn; robots move too far between flashes to tell; give --period-s or --robots"
         )
     if not found and at_s is None:
@@ -127,7 +127,7 @@ def objections(evidence: Evidence) -> list[str]:
             least = math.floor(100 * near) / 100
             found.append(
                 f"the film ends too early to tell: at its last flashes the order parameter is at least {least:.2f}; "
-                f"film for a period of {period_s:.4g} s longer (`run` does with stop.further_cycles=2)"
+                f"film for one more period of {period_s:.4g} s (`run` does with stop.further_cycles=2)"
             )
     return found + _about_light(evidence)
 
@@ -234,7 +234,7 @@ def doubts(evidence: Evidence) -> list[str]:
     if evidence.lit_always:
         found.append(
             f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}; check "
-            "--period-s, or leave lamps beside the floor out by --corners"
+            "--period-s, or leave out lamps beside the floor by --corners"
         )
     elif counted.dazzled > MOST_DAZZLED:
         found.append(
@@ -244,19 +244,19 @@ def doubts(evidence: Evidence) -> list[str]:
     if counted.outside:
         found.append(
             f"rings outside of the floor, and left out: {counted.outside} in {len(counted.times_s)} frames; they are "
-            "mirror images, a neighbour's, or --corners or --arena-cm are wrong"
+            "mirror images, rings of another arena, or --corners or --arena-cm are wrong"
         )
     burnt = np.count_nonzero(flashes.light >= DISC_LIGHT)
     if burnt > MOST_BURNT * len(flashes.light):
         found.append(
-            f"rings that are burnt out to discs: those of {burnt} of {len(flashes.light)} flashes; lamps look the "
+            f"flashes whose rings are burnt out to discs: {burnt} of {len(flashes.light)}; lamps look the "
             "same; film with a shorter, fixed exposure"
         )
     if (share := light_of_no_ring(counted.areas_px, counted.counts)) > MOST_UNSEEN:
         found.append(
-            f"{100 * share:.0f} % of the light is of no ring that is found: rings are burnt out, dim, of another size "
-            "or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and more "
-            "frames per second, or give the corners by --corners"
+            f"{100 * share:.0f} % of the light is from no ring that was found: rings are burnt out, dim, of another "
+            "size or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and "
+            "more frames per second, or give the corners by --corners"
         )
     ring_size = geometry.ring_size
     if math.isnan(ring_size) and any(counted.rings):  # described: the film may have been scaled or cropped since
@@ -264,8 +264,8 @@ def doubts(evidence: Evidence) -> list[str]:
         ring_size = float(np.median(seen_cm)) / epuck.RING_RADIUS_CM
     if geometry.knows_floor and abs(ring_size - 1) > WRONG_SIZE:
         found.append(
-            f"rings would be {ring_size:.2f} times as large as they are by {geometry.calibration}: lengths "
-            "and speeds may be wrong by as much; give the floor's corners by --corners and its size by --arena-cm"
+            f"by {geometry.calibration}, rings come out {ring_size:.2f} times as large as they are: lengths "
+            "and speeds may be as wrong; give the floor's corners by --corners and its size by --arena-cm"
         )
     if not geometry.knows_floor and geometry.tilt_deg >= TILTED_DEG:
         found.append(
@@ -276,8 +276,8 @@ def doubts(evidence: Evidence) -> list[str]:
     early = FlashTable(*(column[flashes.onset_s < before_s] for column in flashes))
     if not geometry.knows_floor and (images := count_images(early)):
         found.append(
-            f"flashes that may be mirror images in the walls: {images}; they come with those of their robots and do "
-            "not move T_sync, but they count as robots; give the floor's corners by --corners"
+            f"flashes that may be mirror images in the walls: {images}; they come with their robots' own flashes "
+            "and do not change T_sync, but are counted as robots; give the floor's corners by --corners"
         )
     return found + _doubts_about_numbers(evidence)
 
@@ -299,7 +299,7 @@ def _doubts_about_frames(evidence: Evidence) -> list[str]:
     is_short = np.mean(flashes.end_s - flashes.onset_s) < SHORTEST_FRAMES * usual_s
     if is_short or first_s < last_s - evidence.period_s / 2:
         found.append(
-            f"frames come every {1000 * usual_s:.3g} ms, too seldom for the beginnings of flashes, on which T_sync "
+            f"frames come every {1000 * usual_s:.3g} ms, too seldom to see when flashes begin, on which T_sync "
             "depends here; film more frames per second"
         )
     return found
@@ -322,7 +322,7 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     if usual < swarm and not found:
         found.append(
             f"before T_sync {usual:g} flashes are usually seen in a period, but {swarm} robots "
-            "flash once or more: some are missed, and T_sync is too few cycles; give --corners, or fix the exposure"
+            "flash once or more: some are missed, and T_sync is too low; give --corners, or fix the exposure"
         )
     periods = (end_s - begin_s) / period_s
     if not evidence.period_is_given and periods < ENOUGH_PERIODS:
@@ -342,7 +342,7 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
         )
     if may_be_half_a_period(evidence):
         found.append(
-            f"the period is estimated; {2 * period_s:.4g} s fit as well, if two groups flash in turn, and robots move "
+            f"the period is estimated; {2 * period_s:.4g} s fits as well, if two groups flash in turn, and robots move "
             "too far between flashes to tell; give --period-s or --robots"
         )
     return found

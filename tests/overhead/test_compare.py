@@ -88,7 +88,7 @@ def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> N
     trials[:21] = math.inf
     verdict = judge(rows_of([math.inf], trials))
     assert verdict.sentence.startswith(
-        "21 of 40 trials are not synchronised when the film ends, so film for longer; by"
+        "21 of 40 trials are not synchronised when the film ends, so film for longer; as"
     )
     assert "the film is like" in verdict.sentence
     assert verdict.p_value > compare.UNLIKE

@@ -205,7 +205,7 @@ def test_a_dark_room_and_an_answer_that_is_believed_are_waited_for_and_said_to_b
     assert (track.histogram_s, track.confidence) == (None, "none")
     assert camera.given == len(TIMES)
     (said,) = told
-    assert said.startswith("not yet believed to be synchronised: ")
+    assert said.startswith("not yet counted as synchronised: ")
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), UnpluggedError("camera 7 delivers no pictures")], ids=repr)

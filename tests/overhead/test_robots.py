@@ -222,7 +222,7 @@ def test_where_a_tag_is_unread_for_long_or_seen_twice_it_is_not_known_where_the_
     assert not np.isnan(robots.poses[:20, 0]).any()
     assert robots.identities.robot.tolist() == [-1]
     (warning,) = robots.warnings
-    assert warning.startswith("flashes that are under no tag: 1 of 1; there are robots without a tag")
+    assert warning.startswith("flashes that are under no tag: 1 of 1; some robots have no tag")
     other = read(numbers=(4,))
     there = other._replace(poses=other.poses + 20)
     double = Readings(*(np.concatenate([a, b[:20]]) for a, b in zip(read(), there, strict=True)))
@@ -332,7 +332,7 @@ def test_what_is_doubtful_is_said() -> None:
     told = track._replace(options=track.options._replace(robots=4))
     assert find_robots(track).warnings == ()
     (warning,) = find_robots(told).warnings
-    assert warning == "flashes are linked to 3 robots, but there are 4: some were lost and count anew"
+    assert warning == "flashes are linked to 3 robots, but there are 4: lost ones are counted anew"
     together = enumerate(track_of([0.1] * 3).flashes)
     close = tuple(flash._replace(x_cm=20.0 + 0.1 * (index % 3), y_cm=20.0) for index, flash in together)
     (warning,) = find_robots(track._replace(flashes=close)).warnings
