@@ -115,7 +115,7 @@ class Kind:
                 found.setdefault(point.name, []).append(Place(point.name, path, package))
             elif parent_process() is None:  # each worker would say it once more
                 said = f"{package} offers the {self.noun} {point.name!r} as {point.value}, which has no file"
-                warnings.warn(f"{said}: left out; install {package} anew", stacklevel=2)
+                warnings.warn(f"{said}: left out; reinstall {package}", stacklevel=2)
         return found
 
 
@@ -218,7 +218,7 @@ class PythonFile(NamedTuple):
         """Return the function `check(parameters)`, if there is one; raise EpuckSimError if it is no function."""
         check: Callable[[SimpleNamespace], None] | None = self.parts.get("check")
         if "check" in self.parts and not callable(check):
-            raise self.refusal("check", "check must be a function check(parameters), or not be there")
+            raise self.refusal("check", "check must be a function check(parameters), or be left out")
         return check
 
     def record_type(self, part: str) -> np.dtype[Any]:
@@ -334,7 +334,7 @@ def typed(name: str, given: object, default: _Parameter) -> _Parameter:
         fits = abs(given) <= sys.float_info.max if kind is float else abs(given) < MAX_WHOLE and given == int(given)
     if not fits:
         is_large = isinstance(given, int | float) and abs(given) >= MAX_WHOLE
-        why = f", as its default, {default}, is{', from above -2^53 to below 2^53' * is_large}" * (kind is int)
+        why = f", like its default, {default}{', above -2^53 and below 2^53' * is_large}" * (kind is int)
         raise ValueError(f"{name} is {short_repr(given)}; allowed: {allowed}{why}")
     return cast("_Parameter", kind(given))
 

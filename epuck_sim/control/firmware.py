@@ -39,9 +39,9 @@ FOR_THE_ROBOT = re.compile(r"p30F6014A\.h|\be_init_\w+|\bmain\s*(?=\()")
 """Marks of firmware that is written for the robot itself."""
 
 FOR_THE_ROBOT_ITSELF = (
-    "is for the robot itself; here the simulator calls the firmware. Three things change: #include <epuck.h> for the "
-    "robot's own headers, void start(void) for what main does once, void step(void) for one turn of its loop; see "
-    "docs/firmware.md"
+    "is for the robot itself; here the simulator calls the firmware. Change three things: #include <epuck.h> instead "
+    "of the robot's own headers, void start(void) for what main does once, void step(void) for one turn of its loop; "
+    "see docs/firmware.md"
 )
 
 VERSION = 1  # version of the header `epuck.h`, which a library states
@@ -83,9 +83,9 @@ def load_firmware(path: Path) -> Firmware:
         version = ctypes.c_int64.in_dll(library, "e_version").value
         fields = {part: _read_fields(library, f"e_{part}_fields") for part in ("parameter", "memory")}
     except (OSError, ValueError) as error:
-        raise ControllerError(f"{path}: is no firmware, which includes <epuck.h>: {error}") from error
+        raise ControllerError(f"{path}: is not firmware that includes <epuck.h>: {error}") from error
     if version != VERSION:
-        raise ControllerError(f"{path}: was compiled with version {version} of epuck.h; this is {VERSION}")
+        raise ControllerError(f"{path}: was compiled with version {version} of epuck.h; compile it with {VERSION}")
     try:
         defaults = {name: _default(name, field) for name, field in fields["parameter"].items()}
         parameters = record_type({name: type(default) for name, default in defaults.items()})
@@ -127,7 +127,7 @@ def _keep_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     """Return a copy of a library, named after its contents, and the contents; a loaded file must not change."""
     contents = path.read_bytes()
     if _is_cut_off(contents):  # to load it would end the process
-        raise ControllerError(f"{path}: is no whole library: its end is missing")
+        raise ControllerError(f"{path}: is not a whole library: its end is missing")
     return _library([contents], lambda part: part.write_bytes(contents)), {path: contents}
 
 

@@ -150,7 +150,7 @@ def _load_sensor(place: Place) -> Sensor:
         raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
     for name in file.parts["READINGS"]:
         if name in Sensors._fields:
-            said = f"READINGS: {name!r} is taken by a sensor that all robots have; choose another"
+            said = f"READINGS: {name!r} is a reading of all robots; choose another"
             raise file.refusal("READINGS", said)
         if keyword.iskeyword(name) or str(name).startswith("_"):
             raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
@@ -183,6 +183,6 @@ def check_imported_copies(controller: Described) -> None:
             if not name.startswith("__") and name.isidentifier() and fingerprint(value) != loaded.get(name):
                 raise ControllerError(
                     f"{path}: {name} is {short_repr(value)} in the module {path.stem!r} of this program, which is not "
-                    "what the file says; controllers run a copy of their own, where it would change nothing: make it a "
+                    "what the file says; controllers run their own copy, which this does not change: make it a "
                     "parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
                 )

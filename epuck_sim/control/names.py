@@ -129,7 +129,7 @@ def _mistakes(
     own = "readings" if "world" in fixed else "memory"
     for node in nodes:
         if isinstance(node, ast.Global):
-            yield node.lineno, f"{ast.unparse(node)}: it would go on from trial to trial; use {own}"
+            yield node.lineno, f"{ast.unparse(node)}: its value would stay from trial to trial; use {own}"
     for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
         is_set = not isinstance(node.ctx, ast.Load)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:
@@ -141,7 +141,7 @@ def _mistakes(
                 said = ast.unparse(node)
                 yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
         if is_set and also_named.get(_root(node)) in fixed:
-            why = "a sensor sets its readings alone" if own == "readings" else "all robots share them; use memory"
+            why = "a sensor may set only its readings" if own == "readings" else "all robots share them; use memory"
             yield node.lineno, f"sets {ast.unparse(node)}; {why}"
 
 
@@ -163,7 +163,7 @@ def check_draws(file: PythonFile, instead: str) -> None:
             owner = call.func.value if isinstance(call.func, ast.Attribute) and hidden is not None else None
             drawn_by = getattr(called, "__self__", owner and _value_of(owner, values))
             if is_unseeded or _is_of_generators(type(drawn_by)):
-                said = f"calls {ast.unparse(call.func)}, whose numbers follow from no seed of a trial; {instead}"
+                said = f"calls {ast.unparse(call.func)}, whose numbers ignore the trial's seed; {instead}"
                 raise file.error(f"{path}:{call.lineno}: {said}")
 
 

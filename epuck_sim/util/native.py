@@ -48,7 +48,7 @@ except ImportError as error:
     said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
     raise NumbaError(said) from error
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-    raise NumbaError("NUMBA_DISABLE_JIT is set, but trials are compiled: unset it; --interpret is for controllers")
+    raise NumbaError("NUMBA_DISABLE_JIT is set, but trials are compiled: unset it; for controllers, use --interpret")
 
 
 if (_LARGE := "scipy.linalg.cython_blas") not in sys.modules:  # numba only asks here whether it exists
@@ -175,7 +175,7 @@ class _SealedFiles(_Files):  # type: ignore[misc]
             super().save(key, data)
         except OSError as error:
             folder = Path(self._cache_path).parents[1]
-            message = f"{folder}: compiled code cannot be kept here, every command compiles it anew: {error.strerror}"
+            message = f"{folder}: compiled code cannot be kept here; every command compiles it anew: {error.strerror}"
             warnings.warn(f"{message}; make room, or name another folder in NUMBA_CACHE_DIR", stacklevel=1)
 
     def _load_index(self) -> Any:

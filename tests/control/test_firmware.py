@@ -123,13 +123,13 @@ def test_a_library_that_is_none_of_something_else_or_without_its_end_is_refused_
     subprocess.run(["cc", "-shared", "-fPIC", "other.c", "-o", "other.so"], cwd=tmp_path, check=True)
     (tmp_path / "text.so").write_bytes(b"no library")
     for name, said in (("text", ""), ("other", ".*e_version")):
-        with pytest.raises(ControllerError, match=rf"{name}\.so: is no firmware, which includes <epuck\.h>: {said}"):
+        with pytest.raises(ControllerError, match=rf"{name}\.so: is not firmware that includes <epuck\.h>: {said}"):
             find_controller(str(tmp_path / f"{name}.so"))
     (tmp_path / "mine.c").write_text(FIREFLY.read_text())
     contents = Path(load_firmware(tmp_path / "mine.c").library._name).read_bytes()
     for length in (10, 60, 5000, len(contents) - 1):
         (tmp_path / "cut.so").write_bytes(contents[:length])
-        with pytest.raises(ControllerError, match=r"cut\.so: is no whole library: its end is missing"):
+        with pytest.raises(ControllerError, match=r"cut\.so: is not a whole library: its end is missing"):
             find_controller(str(tmp_path / "cut.so"))
 
 
