@@ -226,7 +226,7 @@ def robot_vector_env(
     if max_episode_steps is not None:
         raise ValueError(f"max_episode_steps is {max_episode_steps}; allowed: episode_s, in simulated seconds")
     if render_mode is not None:
-        raise ValueError(f"render_mode is {render_mode!r}; allowed: None, as single environments alone draw pictures")
+        raise ValueError(f"render_mode is {render_mode!r}; allowed: None; only single environments draw pictures")
     env = vector_env(scenario, num_envs, **settings)
     _check_only_agent(env.agents)
     return env

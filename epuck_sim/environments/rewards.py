@@ -18,7 +18,7 @@ NEAR_CM = 15.0
 COVERED_CM = 10.0  # distance from a robot's centre, in cm, within which `coverage` counts the floor as covered
 GRID_CM = 5.0  # distance between the points at which `coverage` samples the floor, in cm
 
-NO_PHASES = "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
+NO_PHASES = "synchrony needs oscillators, and no robot is one; drive only wheels: controller: external_wheels"
 """Message for rewards of synchrony in a swarm without oscillators."""
 
 

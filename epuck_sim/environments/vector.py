@@ -200,7 +200,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         if first.scenario.members_change or arena_entries(first.scenario):
             raise ScenarioError(
                 f"{first.scenario.name}: robots come or go, or walls move; allowed in environments: neither, as "
-                "observations and rewards take the robots and the arena to be those of the start"
+                "observations and rewards assume the robots and the arena of the start"
             )
         for number, entry in enumerate(first.scenario.schedule):
             if entry.at_s is None:  # only trials carry these out
@@ -247,7 +247,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
     def __getstate__(self) -> dict[str, Any]:
         """Refuse copies in the middle of an episode: a simulation's copy does not repeat the actions of agents."""
         if any(simulation.steps > 1 for simulation in self.simulations):
-            raise ValueError("an episode is under way, of which there is no copy; copy it before its first step")
+            raise ValueError("an episode is under way and cannot be copied; copy it before its first step")
         return {**vars(self), "_pool": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -300,7 +300,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         """
         self._check_begun()
         if any(each.commands.memory is not known for each, known in zip(self.simulations, self._memories, strict=True)):
-            raise ValueError("robots have got another controller since the environment was made; make another one")
+            raise ValueError("a robot's controller was replaced after the environment was made; make a new one")
         given = np.asarray(actions)
         if given.shape[:1] != (self.num_envs,):
             raise ValueError(f"actions have the shape {given.shape}; allowed: {self.num_envs} rows, one for each agent")

@@ -134,7 +134,7 @@ class Recorded(NamedTuple):
     def _linked(self, what: str, model: str) -> IntArray:
         name, own = self.scenario.name, self.scenario.model
         if own != model:
-            raise RecordingError(f"{name}: model: {own} has no {what}; they are of model: {model}")
+            raise RecordingError(f"{name}: model: {own} has no {what}; only model: {model} has them")
         if self.links is None:
             again = "record the trial again with --record-level full"
             raise RecordingError(f"{name}: a recording of level {self.level} holds no {what}; {again}")

@@ -131,7 +131,7 @@ def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> 
     """
     readings = reading_fields(scenario) if isinstance(scenario, EmbodiedScenario) else []
     if memory:
-        bodies = require_model(scenario, EmbodiedScenario, "robots alone have a memory to record")
+        bodies = require_model(scenario, EmbodiedScenario, "only robots have a memory to record")
         check_fields(bodies, [field for field in memory if field not in readings])
     return tuple(dict.fromkeys([*memory, *(readings if level is Level.FULL else ())]))
 

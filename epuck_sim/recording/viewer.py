@@ -43,7 +43,7 @@ MESSAGES_S = 6  # time for which a viewer shows messages after its start
 MESSAGE_ROWS, MESSAGE_COLUMNS, MESSAGE_GREY = slice(36, 110), slice(-330, -12), 33
 """Where the viewer of rerun 0.41 shows the first of its messages, px, in a window of any size, and their background."""
 
-NO_DISPLAY = "there is no display here; give --web to look in a browser, or --screenshot FILE.png to have it drawn"
+NO_DISPLAY = "there is no display here; give --web to look in a browser, or --screenshot FILE.png to draw it"
 NOT_LIVE = "there is no display here; give --web to look in a browser, or --record FILE.rrd to look later"
 
 

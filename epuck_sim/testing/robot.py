@@ -139,7 +139,7 @@ class TestRobot:
         own = [find_sensor(str(sensor)) for sensor in sensors]
         told = [name for sensor in own for name in sensor.readings.names or ()]
         if twice := next((name for name in told if told.count(name) > 1), None):
-            raise ValueError(f"two of the sensors tell {twice!r}; give one of them")
+            raise ValueError(f"two of the sensors have the reading {twice!r}; give one of them")
         sizes = [sensed_bytes_needed(sensor, 1) for sensor in own]
         lengths = {"robots": 1, "groups": 1, "pixels": whole("pixels", pixels), "bytes": bytes_needed(found, 1)}
         block = make_block({**lengths, "senses": len(own), "sensed": sum(sizes)})

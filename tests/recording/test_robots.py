@@ -176,7 +176,7 @@ def test_links_are_those_of_the_cameras_and_bodies(trial) -> None:
     scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
     in_view = [find_sightings(scene, watched["poses"], group) for group in range(len(scenario.robots))]
     assert sorted(sightings[:, :3].tolist()) == sorted(np.concatenate(in_view).tolist())
-    with pytest.raises(RecordingError, match="embodied has no pulses; they are of model: particles"):
+    with pytest.raises(RecordingError, match="embodied has no pulses; only model: particles has them"):
         _ = trial.read.pulses
 
 
