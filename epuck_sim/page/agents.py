@@ -37,7 +37,7 @@ def check_agents(scenario: ParticleScenario) -> None:
         (agents.count > MOST_AGENTS, "agents.count", f"is {agents.count}; a page shows up to {MOST_AGENTS}"),
         (agents.speed_distribution != "fixed", "agents.speed_distribution", RANDOM_NUMBERS),
         (scenario.clocks.jitter > 0, "clocks.jitter", RANDOM_NUMBERS),
-        (scenario.start.like is not None, "start.like", "a page has no trial of robots to begin with"),
+        (scenario.start.like is not None, "start.like", "pages cannot begin with a trial of robots"),
     )
 
 

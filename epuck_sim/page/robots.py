@@ -49,13 +49,13 @@ def check_robots(scenario: EmbodiedScenario) -> None:
     """Raise ScenarioError, which names the key, if a scenario of robots cannot be a page."""
     controllers = [find_controller(group.controller) for group in scenario.robots]
     unfit = [each.name for each in controllers if each.external or isinstance(each, Firmware)]
-    commanded = f"is {''.join(unfit[:1])}; pages have controllers in Python, which nobody commands"
+    commanded = f"is {''.join(unfit[:1])}; pages run controllers in Python, without commands from outside"
     refuse(
         scenario,
         (scenario.robot_count > MOST_ROBOTS, "robots", f"are {scenario.robot_count}; a page shows up to {MOST_ROBOTS}"),
         (unfit, "robots.controller", commanded),
-        (scenario.arena.movables, "arena.movables", "nothing is pushed in pages"),
-        (scenario.members_change, "robots.present", "all robots of a page are there all the time"),
+        (scenario.arena.movables, "arena.movables", "pages have nothing that can be pushed"),
+        (scenario.members_change, "robots.present", "all robots of a page are present all the time"),
         (scenario.faults, "faults", "robots of pages have no faults"),
     )
 

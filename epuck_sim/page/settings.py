@@ -60,13 +60,13 @@ def allowed(scenario: EmbodiedScenario | ParticleScenario, key: str, values: Ite
 def refuse(scenario: EmbodiedScenario | ParticleScenario, *reasons: tuple[Any, str, str]) -> None:
     """Raise ScenarioError for the first true reason why a scenario is no page: condition, key and sentence of each."""
     of_any = (
-        (scenario.sweep is not None, "sweep", "a page has one scenario; it sweeps the speed itself"),
-        (scenario.schedule, "schedule", "pages change nothing by a schedule"),
+        (scenario.sweep is not None, "sweep", "a page has one scenario, and sweeps only the speed"),
+        (scenario.schedule, "schedule", "pages have no schedule"),
         (scenario.stop.when is not None, "stop.when", "pages have no measures that could end a trial"),
     )
     for is_reason, key, why in of_any + reasons:
         if is_reason:
-            raise ScenarioError(f"{scenario.name}: {key}: {why}; `epuck-sim run` does")
+            raise ScenarioError(f"{scenario.name}: {key}: {why}; use `epuck-sim run`")
 
 
 def fields_of(dtype: np.dtype[Any], prefix: str = "", first: int = 0) -> dict[str, tuple[int, str]]:

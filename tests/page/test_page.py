@@ -216,7 +216,7 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
         opened(name, changes).run("page.advance(1e9)")
         assert browser.run("find('banner').textContent").startswith("Ended after ")
     browser.run("find('seed').value = '1x'; find('seed').onchange()")
-    assert browser.run("[find('seed').value, find('banner').textContent.slice(0, 18)]") == ["0", "The seed is not 1x"]
+    assert browser.run("[find('seed').value, find('banner').textContent.slice(0, 19)]") == ["0", "A seed cannot be 1x"]
     browser = opened("thesis")
     browser.run("page.change({'robots.0.count': 50, 'arena.width_cm': 30})")
     said = browser.run("page.picture(performance.now()), document.getElementById('trouble').textContent")
@@ -543,7 +543,7 @@ def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(opene
     assert browser.run("find('summary').hidden") is (worker == "")
     assert "100 trials: mean T_sync" in browser.run("find('histogram').ariaLabel")
     browser.run("let run = page.hundred(); page.change({'response.coupling': 0.5}); run.then(() => 0)")
-    assert browser.run("find('histogram').parentElement.textContent").endswith("censored. Of the settings before.")
+    assert browser.run("find('histogram').parentElement.textContent").endswith("censored. With earlier settings.")
 
 
 @needs_browser

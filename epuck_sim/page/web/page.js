@@ -14,7 +14,7 @@ const FADE_MS = 350;
 /** Largest number of agents for which links are drawn. */
 const MOST_LINKED = 200;
 /** Note on figures of trials with other settings, or another seed, than the present ones. */
-const OUTDATED = " Of the settings before.";
+const OUTDATED = " With earlier settings.";
 
 const find = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 
@@ -136,7 +136,7 @@ class Page {
     this.play(false);
     const said = !this.has_t_sync ? `Ended after ${this.swarm.time_s.toFixed(1)} s`
       : is_synchronised ? `Synchronised: T_sync is ${cycles} cycles` : `Not synchronised within ${cycles} cycles`;
-    this.say(`${said}${this.is_touched ? ", of a trial that you have changed" : ""}`);
+    this.say(`${said}${this.is_touched ? ", in a trial that you have changed" : ""}`);
   }
 
   /** @param {string} words */
@@ -222,7 +222,7 @@ class Page {
     const { swarm, chosen } = this, panel = find("one"), phase = this.seen.phases[chosen];
     if (panel.hidden || Number(panel.dataset.who) !== chosen) this.show_one();
     if (!swarm.camera) {
-      find("facts").textContent = `Phase ${phase.toFixed(3)}; its pulse would reach ${swarm.receivers(chosen).length} now.`;
+      find("facts").textContent = `Phase ${phase.toFixed(3)}; its pulse would now reach ${swarm.receivers(chosen).length} others.`;
       return;
     }
     const eye = new CanvasPen(find("eye")), pixels = swarm.camera(chosen), wide = eye.width / pixels.length;
@@ -395,7 +395,7 @@ class Page {
         if (performance.now() - shown > 80) [shown] = [performance.now()], show(results);
       }, () => {
         find("summary").hidden = false;
-        find("summary").textContent = "This browser refuses workers to the page: trials run in the page itself, a little at a time.";
+        find("summary").textContent = "This browser allows the page no workers: trials run in the page itself, a little at a time.";
       });
       show(results);
     } catch (error) {
@@ -482,7 +482,7 @@ class Page {
     const pressed = {
       play: () => this.toggle(), step: () => this.step(), again: () => this.begin(), next: () => this.take_seed(this.seed + 1n),
       defaults: () => this.change({ ...this.data.values }), hundred: () => this.hundred(), sweep: () => this.sweep(), stop: () => this.trials.stop(),
-      link: () => this.copy(location.href.split("#")[0] + this.hash, location.protocol === "file:" ? "The link, for this computer alone," : "The link"), command: () => this.copy(this.command, "The command"),
+      link: () => this.copy(location.href.split("#")[0] + this.hash, location.protocol === "file:" ? "The link, which works only on this computer," : "The link"), command: () => this.copy(this.command, "The command"),
       yaml: () => save("scenario.yaml", toYaml(this.nested())), csv: () => save("trials.csv", this.csv()), svg: () => save("swarm.svg", this.svg()),
     };
     for (const [id, what] of Object.entries(pressed)) find(id).onclick = what;
@@ -490,7 +490,7 @@ class Page {
     find("seed").onchange = () => {
       const { value } = find("seed"), is_seed = /^\d{1,40}$/.test(value);
       if (is_seed) return this.take_seed(BigInt(value));
-      this.say(`The seed is not ${value || "empty"}: it has 1 to 40 digits`);
+      this.say(`A seed cannot be ${value || "empty"}: give 1 to 40 digits`);
       find("seed").value = `${this.seed}`;
     };
     document.addEventListener("keydown", (event) => {
@@ -557,7 +557,7 @@ class Page {
       area.select();
       const is_done = document.execCommand("copy");
       area.remove();
-      if (!is_done) return (find("copied").textContent = `This browser copies nothing; take it from here: ${text}`);
+      if (!is_done) return (find("copied").textContent = `This browser lets the page copy nothing; copy it from here: ${text}`);
     }
     find("copied").textContent = `${what} is copied.`;
   }

@@ -209,7 +209,7 @@ class Robots {
   take(steps, untilFiring) {
     this.kernels.call("take_steps", ...this.swarm, BigInt(steps), untilFiring ? 1 : 0);
     const outcome = this.kernels.whole();
-    if (outcome >= 0) throw new Error(`Robot ${outcome} was told a speed or a turn that is no number.`);
+    if (outcome >= 0) throw new Error(`The controller of robot ${outcome} set a speed or a turn that is not a number.`);
     this.steps = this.get("scene", "step") + 1;
     if (!this.measures) this.cycles = Math.floor(this.steps / this.steps_a_cycle);
     else if (outcome === FIRED) this.count_firing();
