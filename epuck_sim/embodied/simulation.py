@@ -510,7 +510,7 @@ class Simulation:
             ValueError: A controller was replaced: scenario and seed no longer determine this simulation.
         """
         if self._has_replaced:
-            raise ValueError("a controller was replaced, so that scenario and seed make another; there is no snapshot")
+            raise ValueError("a controller was replaced, so no snapshot: scenario and seed make another simulation")
         return Snapshot(self.scenario, self.seed, self.steps, tuple(self._changes))
 
     def restore(self, snapshot: Snapshot) -> None:

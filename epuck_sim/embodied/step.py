@@ -240,7 +240,7 @@ def check_field(scenario: EmbodiedScenario, field: str, robot: int | None = None
             memory = find_controller(group.controller).memory
             fields |= {name: memory[name].shape for name in memory.names or ()}
     if field not in fields:
-        raise ValueError(f"{did_you_mean(field, fields)}; what is remembered: {comma_list(fields)}")
+        raise ValueError(f"{did_you_mean(field, fields)}; in memory: {comma_list(fields)}")
     if fields[field]:
         raise ValueError(f"{field} is an array of shape {fields[field]}; allowed: fields that are one number")
 

@@ -74,7 +74,7 @@ def share(part: float, whole: float) -> float | None:
 
 Rule = tuple[Callable[[Any], bool], str]  # test of a parameter, and text that says what is allowed
 
-BELOW_HALF_A_CYCLE: Rule = (lambda cycles: 0 <= cycles < 0.5, "0 up to 0.5, in cycles")
+BELOW_HALF_A_CYCLE: Rule = (lambda cycles: 0 <= cycles < 0.5, "from 0 to below 0.5, in cycles")
 ABOVE_0: Rule = (lambda number: number > 0, "above 0")
 
 
@@ -106,7 +106,7 @@ def check_sight(scenario: Any, _: Any) -> None:
     groups = scenario.robots if scenario.model == "embodied" else ()
     for number, group in enumerate(groups):
         if group.signal.kind == "radio":
-            raise ValueError(f"robots.{number}.signal.kind is 'radio'; it measures who sees whom, which radio does not")
+            raise ValueError(f"robots.{number}.signal.kind is 'radio'; allowed where sight is measured: any other")
 
 
 def rows_of_steps(found: IntArray, stretch: Any) -> IntArray:

@@ -44,7 +44,7 @@ class _Talk(Series):
         """Raise ValueError where receivers of pulses are not known, or in large swarms only if their phases shift."""
         check_sight(scenario, _)
         if scenario.model == "particles" and scenario.neighbourhood.kind == "random":
-            raise ValueError("neighbourhood.kind is 'random'; allowed with words: any other, as nobody is shown whom")
+            raise ValueError("neighbourhood.kind is 'random'; allowed with words: any other, as receivers are unknown")
         if scenario.model == "particles" and scenario.population >= SHIFTS_ONLY:
             raise ValueError(f"agents.count is {scenario.population}; allowed with words: below {SHIFTS_ONLY}")
 

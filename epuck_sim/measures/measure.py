@@ -74,8 +74,8 @@ class Measure:
         methods = [method for method in EVENT_METHODS if self.is_told(method)]
         if methods and event_method not in methods:
             raise ValueError(
-                f"{self.name} asks for {EVENT_METHODS[methods[0]]}, by its method {methods[0]}; model: {model} tells "
-                f"of {EVENT_METHODS[event_method]}, by {event_method}"
+                f"{self.name} has a method {methods[0]}, for {EVENT_METHODS[methods[0]]}; model: {model} calls "
+                f"{event_method}, for {EVENT_METHODS[event_method]}"
             )
 
     def check_scenario(self, scenario: Any, parameters: Mapping[str, Parameter]) -> None:
@@ -203,7 +203,7 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
         if not isinstance(text, str):
             raise file.refusal(part, f"{chosen} has {part} = {short_repr(text)}; allowed: text")
     if not named["OVER"].isidentifier() or named["OVER"] in SERIES_COLUMNS:
-        allowed = f"one word, the noun for one of them, as cycle; none of {', '.join(SERIES_COLUMNS)}"
+        allowed = f"a noun of one word for one item, such as cycle; not {', '.join(SERIES_COLUMNS)}"
         raise file.refusal("OVER", f"{chosen} has OVER = {short_repr(named['OVER'])}; allowed: {allowed}")
     stored = place.name if not member and place.package else f"{place.name}:{chosen}"
     name = place.name if stored == place.name else chosen

@@ -39,8 +39,8 @@ class _Twin(Series):
         """Raise ValueError without a perturbation, and ScenarioError where there can be no twin."""
         if not parameters.displacement and not scenario.start.displacement and not scenario.clocks.jitter:
             raise ValueError(
-                "a perturbation is measured where there is one; give displacement, or start.displacement or "
-                "clocks.jitter of the scenario"
+                "there is no perturbation to measure; give displacement, or the scenario's start.displacement or "
+                "clocks.jitter"
             )
         scenario.check_twin()
 
@@ -88,7 +88,7 @@ class PerturbationTransient(_Twin):
     check = staticmethod(
         allowed(
             displacement=BELOW_HALF_A_CYCLE,
-            tolerance=(lambda tolerance: 0 < tolerance < 0.5, "above 0 up to 0.5, in cycles"),
+            tolerance=(lambda tolerance: 0 < tolerance < 0.5, "above 0 and below 0.5, in cycles"),
         )
     )
     UNIT = "cycles"

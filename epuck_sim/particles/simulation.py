@@ -95,8 +95,8 @@ class ParticleSimulation:
         loaded = load_of_model(scenario, ParticleScenario, why)
         if loaded.start.like is not None:
             raise ScenarioError(
-                f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; give a "
-                "ParticleSimulation start_like(robots, seed) as start"
+                f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; for a "
+                "ParticleSimulation, give start_like(robots, seed) as start"
             )
         self.scenario, chosen = loaded, seed_of_trial(loaded, seed)
         self._rules = rules_of(loaded)

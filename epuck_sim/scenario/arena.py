@@ -159,7 +159,7 @@ class ArenaSection(ConfigModel):
             gap_cm = clearance_cm(others, movable.x_cm, movable.y_cm) - movable.radius_cm
             if gap_cm < -1e-9:
                 overlap = f"overlaps an obstacle or an earlier movable by {-gap_cm:.3g} cm"
-                raise ValueError(f"movables.{number} {overlap}; allowed: they may touch")
+                raise ValueError(f"movables.{number} {overlap}; allowed: at most touching")
 
     def build(self) -> Arena:
         """Return the arena as arrays; raise ScenarioError if the picture of its floor cannot be read."""

@@ -75,11 +75,11 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
         numbers = {key: {repr(row[key]) for row in rows} for key in rows[0]}
     if requested is not None:
         if requested not in numbers:
-            said = f"{requested} has other values" if requested in rows[0] else did_you_mean(requested, numbers)
+            said = f"{requested} is not numeric" if requested in rows[0] else did_you_mean(requested, numbers)
             raise EpuckSimError(f"{origin}: {said}; axes with numbers: {comma_list(numbers)}")
         return requested
     if not numbers:
-        names = "; plot --form violins has names" if rows[0] else ""
+        names = "; for names: plot --form violins" if rows[0] else ""
         raise EpuckSimError(f"there is no axis with numbers to draw T_sync against{names}")
     return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
 

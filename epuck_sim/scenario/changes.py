@@ -68,7 +68,7 @@ class FaultSection(ConfigModel):
         if self.scheduled and when:
             raise ValueError(f"scheduled is true and {when[0]} is given; leave one of them out")
         if self.mean_s is not None and self.per_hour is None:
-            raise ValueError("mean_s is given without per_hour; give until_s, or per_hour, too")
+            raise ValueError("mean_s is given without per_hour; give per_hour, too, or until_s instead")
         if self.until_s is not None and self.until_s <= (self.at_s or 0):
             raise ValueError(f"until_s is {self.until_s:g}; allowed: above at_s, which is {self.at_s or 0:g}")
 
@@ -135,7 +135,7 @@ class Restart(FaultSection):
     def _check_together(self) -> None:
         super()._check_together()
         if self.mean_s is not None or (self.until_s is not None and self.per_hour is None):
-            raise ValueError("a restart takes no time; leave mean_s out, and until_s, too, unless per_hour is given")
+            raise ValueError("a restart takes no time; leave out mean_s, and until_s unless per_hour is given")
 
 
 AnyFault = Annotated[
@@ -208,16 +208,16 @@ class ScheduleEntry(ConfigModel):
 
     def _check_together(self) -> None:
         if sum(moment is not None for moment in (self.at_s, self.at_cycle, self.when)) != 1:
-            raise ValueError("give one of at_s, at_cycle, when, the moment of the changes")
+            raise ValueError("give the moment of the changes: one of at_s, at_cycle and when")
         if not any(getattr(self, key) for key in self.changing):
             raise ValueError(f"nothing changes; give one or more of {', '.join(self.changing)}")
         if self.for_cycles is not None and self.when is None:
-            raise ValueError(f"for_cycles is {self.for_cycles}; allowed: with when")
+            raise ValueError(f"for_cycles is {self.for_cycles} without when; give when, too, or leave it out")
         for key in self.set:
             if not self.settable.fullmatch(key):
                 raise ValueError(f"set: {key} cannot change during a trial; allowed: {self.in_short}")
             if re.fullmatch(r"robots\.\d+\.parameters\.period_s", key):
-                raise ValueError(f"set: {key} cannot change during a trial: cycles and order parameter are told by it")
+                raise ValueError(f"set: {key} cannot change during a trial: cycles and order parameter depend on it")
 
     @property
     def what(self) -> str:
@@ -277,7 +277,7 @@ class AgentScheduleEntry(ScheduleEntry):
     )
     in_short: ClassVar[str] = (
         "agents.speed_cm_s, neighbourhood.k, neighbourhood.radius_cm, neighbourhood.angle_deg, response.coupling, "
-        "response.refractory, response.parameters.NAME; besides, displace phases"
+        "response.refractory, response.parameters.NAME; outside set: displace"
     )
 
     displace: AgentDisplacement | None = None
@@ -294,7 +294,7 @@ class RobotScheduleEntry(ScheduleEntry):
     settable: ClassVar[re.Pattern[str]] = re.compile(rf"{_PARAMETER.pattern}|arena\.(width_cm|height_cm|obstacles)")
     in_short: ClassVar[str] = (
         "robots.NUMBER.parameters.NAME, robots.NUMBER.sensors.SENSOR.NAME, arena.width_cm, arena.height_cm and "
-        "arena.obstacles; besides, displace phases, begin and end faults, and remove and add robots"
+        "arena.obstacles; outside set: displace, begin, end, remove and add"
     )
 
     displace: RobotDisplacement | None = None
@@ -312,7 +312,7 @@ class RobotScheduleEntry(ScheduleEntry):
     def _check_together(self) -> None:
         super()._check_together()
         if self.poses is not None and len(self.poses) != len(self.add):
-            raise ValueError(f"poses has {len(self.poses)} rows; allowed: {len(self.add)}, one for each that is added")
+            raise ValueError(f"poses has {len(self.poses)} rows; allowed: {len(self.add)}, one for each robot added")
 
     def in_words(self) -> list[str]:
         """Return each of the changes in words."""

@@ -173,12 +173,12 @@ class EmbodiedScenario(Scenario):
         check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
         tags = self.overhead.tags
         if tags is not None and self.robot_count > int(tags.partition("_")[2]):
-            raise ValueError(f"overhead.tags is {tags!r}, which has no tag for each of {self.robot_count} robots")
+            raise ValueError(f"overhead.tags is {tags!r}, which has too few tags for {self.robot_count} robots")
 
     def _check_faults(self) -> None:
         check_numbers("faults", self.faults, self.robot_count)
         for number, fault in enumerate(self.faults):
-            where, none = f"faults.{number}", f": a smaller one of {self.robot_count} robots is none"
+            where, none = f"faults.{number}", f": a smaller share of {self.robot_count} robots is no robot"
             check_range(f"{where}.count", fault.count, 1, self.robot_count)
             check_range(f"{where}.share", fault.share, 0.5 / self.robot_count, 1, none)
             if isinstance(fault, SensorDead) and fault.sensor not in self.sensor_names:
@@ -188,7 +188,7 @@ class EmbodiedScenario(Scenario):
                 if fault.changes == "flashes" and group.signal.kind == "radio" and concerns(fault.robots, robots):
                     raise ValueError(
                         f"{where}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
-                        "give robots, the numbers of others, or robots.*.signal.loss"
+                        "give the numbers of others in robots, or robots.*.signal.loss"
                     )
                 is_named = fault.robots is not None and concerns(fault.robots, robots)
                 if isinstance(fault, SensorDead) and is_named and fault.sensor not in group.sensors:
@@ -203,13 +203,13 @@ class EmbodiedScenario(Scenario):
                 check_range(f"{origin}.set: the number of a group", group, 0, len(self.robots) - 1)
             if reference in entry.remove:
                 raise ValueError(
-                    f"{origin}.remove: {reference} is the reference, whose firings are counted, and stays; remove "
+                    f"{origin}.remove: {reference} is the reference, whose firings are counted, and must stay; remove "
                     "others, or give another stop.reference_robot"
                 )
             for key in ("begin", "end"):
                 for fault in getattr(entry, key):
                     if fault >= len(self.faults) or not self.faults[fault].scheduled:
-                        raise ValueError(f"{origin}.{key}: {fault} is no number of a fault with scheduled: true")
+                        raise ValueError(f"{origin}.{key}: {fault} is not the number of a fault with scheduled: true")
                     if key == "end" and self.faults[fault].kind == "restart":
                         raise ValueError(f"{origin}.end: {fault} is a restart, which takes no time")
 
@@ -268,23 +268,23 @@ class EmbodiedScenario(Scenario):
         if not is_limited and not self._may_have_t_sync():
             ends = f"{stop.max_cycles} cycles of 5 s" if limit_s is None else f"{limit_s:g} simulated seconds"
             found.append(
-                f"robot {stop.reference_robot} is no oscillator, so that trials have no T_sync; they end after {ends}; "
+                f"robot {stop.reference_robot} is no oscillator, so trials have no T_sync; they end after {ends}; "
                 "for another limit: --set stop.max_time_s=3600"
             )
         awaited = {} if self._may_have_t_sync() else self.conditions
-        never = f"never holds: robot {stop.reference_robot} is no oscillator, at whose firings order is measured"
+        never = f"never holds: order is measured at firings of robot {stop.reference_robot}, which is no oscillator"
         found += [f"{key} {never}" for key, (each, _) in awaited.items() if each.measure == ORDER_PARAMETER]
         for number, group in enumerate(() if self.sweep else self.robots):
             least, most = group.parameters.get("flash_pixels", 0), group.camera.central_pixels or group.pixels
             if least > most:
                 found.append(
-                    f"robots.{number}.parameters.flash_pixels is {least:g}, and {group.signal.kind} shows {most} at "
-                    "most: these robots see no flash"
+                    f"robots.{number}.parameters.flash_pixels is {least:g}, but signal {group.signal.kind} shows "
+                    f"{most} at most: these robots see no flash"
                 )
         moved = {robot for entry in self.schedule for robot in entry.remove}
         for number, entry in enumerate(self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
-                found.append(f"schedule.{number}.add: {', '.join(map(str, always))} are in the arena all the time")
+                found.append(f"schedule.{number}.add: in the arena all the time: {', '.join(map(str, always))}")
         for number, fault in enumerate(self.faults):
             if fault.scheduled and not any(number in entry.begin for entry in self.schedule):
                 found.append(f"faults.{number} never begins: no entry of the schedule begins it")
@@ -354,7 +354,7 @@ class EmbodiedScenario(Scenario):
             if concerning and place in known and not (controller := find_controller(group.controller)).is_oscillator:
                 raise ScenarioError(
                     f"{origin}: {concerning[0]} robots.{place} are no oscillators: their controller is "
-                    f"{controller.name}; give robots, the numbers of others"
+                    f"{controller.name}; give the numbers of others in robots"
                 )
         at_first = [group.parameters for group in self.robots]
         timed = list(at_first)  # after the entries with a time, which come one after the other
@@ -373,8 +373,8 @@ class EmbodiedScenario(Scenario):
         for number, section in enumerate(self.measures):
             if not section.find().sources and section.measure not in OF_PRESENT:
                 raise ScenarioError(
-                    f"{origin}: measures.{number}: {section.measure} takes all robots to be in the arena, and some "
-                    f"come or go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
+                    f"{origin}: measures.{number}: {section.measure} assumes that all robots are in the arena, but "
+                    f"some come or go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
                 )
 
     def _check_arenas(self, origin: str) -> None:
@@ -387,10 +387,10 @@ class EmbodiedScenario(Scenario):
         for number in entries:
             values, first = (self.schedule[each].arena_values() for each in (number, entries[0]))
             keys = [", ".join(f"arena.{name}" for name in sorted(each)) for each in (values, first)]
-            where = f"{origin}.{number}.set: sets {keys[0]}, and"
+            where = f"{origin}.{number}.set: sets {keys[0]}, but"
             if keys[0] != keys[1]:
                 other = f"{origin}.{entries[0]}.set sets {keys[1]}"
-                raise ScenarioError(f"{where} {other}; give all entries that change the arena the same keys of it")
+                raise ScenarioError(f"{where} {other}; set the same keys of the arena in all entries that change it")
             if self.arena.floor.picture is not None and values.keys() - {"obstacles"}:
                 advice = "give patches instead, or set arena.obstacles alone"
                 raise ScenarioError(f"{where} arena.floor.picture is stretched between the walls; {advice}")

@@ -71,7 +71,7 @@ def set_value(
     """Return the mapping `given`, of a file in a folder, with `value` at a dotted key."""
     if re.fullmatch(r"robot\.kind|robots\.\d+\.kind\.kind", key):
         raise ScenarioError(
-            f"{origin}: another kind of robot has other values in all keys; give {key.removesuffix('.kind')}={value} "
+            f"{origin}: another kind of robot has other values for all keys; give {key.removesuffix('.kind')}={value} "
             "instead"
         )
     if key == "sensors":  # of all robots

@@ -284,7 +284,7 @@ def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) 
     for key, _ in _swept(given):
         found = _full_keys(given, str(key), f"{origin}: sweep", origin, folder)
         if found != [str(key)]:
-            raise ScenarioError(f"{origin}: sweep: {key} is the ending of a key; give the whole, {found[0]}")
+            raise ScenarioError(f"{origin}: sweep: {key} is the ending of a key; give the whole key, {found[0]}")
 
 
 def _swept(given: Mapping[str, Any]) -> Iterator[tuple[Any, Sequence[Any]]]:
@@ -387,7 +387,7 @@ def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -
     }
     for key, (given, needed) in checks.items():
         if given != needed and not {key, key.partition(".")[0]} & set(scenario.swept):
-            said = f"{key} is {given}, and that of the robots in {like} is {needed}"
+            said = f"{key} is {given}, but the robots in {like} have {needed}"
             raise ScenarioError(f"{origin}: {said}; give the same")
     if not all("period_s" in group.parameters for group in robots.robots) or not all(robots.present):
         raise ScenarioError(f"{origin}: some robots in {like} are no oscillators, or are not present at the start")

@@ -218,7 +218,7 @@ class AgentsSection(ConfigModel):
         if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
             raise ValueError(
                 f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
-                f"{self.speed_distribution!r}; it needs runs that end, and speeds that differ"
+                f"{self.speed_distribution!r}; speed_per_run needs runs that end, and speeds that differ"
             )
 
 
@@ -307,7 +307,7 @@ class StartSection(ConfigModel):
             for number, row in enumerate(getattr(self, key) or ()):
                 where = f"start.{key}.{number}"
                 if len(row) != dimensions:
-                    raise ValueError(f"{where} has {len(row)} numbers; allowed: {dimensions}, dimensions")
+                    raise ValueError(f"{where} has {len(row)} numbers; allowed: {dimensions} (space.dimensions)")
                 if key == "headings" and not any(row):
                     raise ValueError(f"{where} is {list(row)}; allowed: a vector that is not 0")
                 for place in row if key == "positions_cm" else ():
@@ -399,7 +399,7 @@ class ParticleScenario(Scenario):
     def check_twin(self) -> None:
         """Raise ScenarioError for a schedule whose entries may act at other moments in a twin of a trial."""
         if any(entry.at_s is None for entry in self.schedule):
-            raise ScenarioError("a trial and its twin change alike at times alone; give at_s in the schedule")
+            raise ScenarioError("a trial and its twin change alike only at given times; give at_s in the schedule")
 
     @property
     def scales(self) -> dict[str, float]:

@@ -45,7 +45,7 @@ def by_name(given: Any) -> dict[str, dict[str, Any]]:
         if not str(name).isidentifier():
             raise ValueError(f"{name!r} is no name for a sensor; allowed: letters, digits and _")
         if name in named:
-            raise ValueError(f"{name} is there twice; allowed: each sensor once in a group")
+            raise ValueError(f"{name} is given twice; allowed: each sensor once in a group")
         named[name] = dict(sensor)
     return named
 
@@ -72,10 +72,10 @@ def check_readings(groups: Sequence[Mapping[str, Mapping[str, Any]]], origin: st
             for reading in readings.names or ():
                 other, shape = told.setdefault(reading, name), readings[reading].shape
                 if other != name:
-                    raise ScenarioError(f"{where}: tells {reading!r}, and {other} does, too; rename it in one of them")
+                    raise ScenarioError(f"{where}: reading {reading!r} is in {other}, too; rename it in one of them")
                 first, expected = shapes.setdefault(reading, (number, shape))
                 if shape != expected:
-                    said = f"tells {reading!r} with the shape {shape}, and robots.{first} with {expected}"
+                    said = f"reading {reading!r} has the shape {shape}, but in robots.{first} {expected}"
                     raise ScenarioError(f"{where}: {said}; rename one of them")
 
 
@@ -131,7 +131,7 @@ def _load(place: Place) -> RobotFile:
     if not isinstance(given, Mapping):
         raise ScenarioError(f"{place.path}: is {short_repr(given)}; a robot is a mapping of keys to values")
     if "kind" in given:
-        raise ScenarioError(f"{place.path}: kind: a robot's file has none; what it leaves out is the e-puck's")
+        raise ScenarioError(f"{place.path}: kind: a robot's file has no such key; keys it leaves out are the e-puck's")
     keys = {key: value for key, value in given.items() if key not in ("description", "sensors")}
     try:
         RobotKind.model_validate(keys)
@@ -291,9 +291,7 @@ class RobotKind(ConfigModel):
         if self.camera is not None:
             check_range("camera.forward_cm", self.camera_forward_cm, 0, self.radius_cm, ", the body's radius")
         for number, (x, y, _) in enumerate(self.infrared.sensors if self.infrared else ()):
-            why = (
-                " cm from the axle's centre, the body's radius; infrared: null stands for a robot without such sensors"
-            )
+            why = " cm from the axle's centre, the body's radius; give infrared: null for a robot without such sensors"
             check_range(f"infrared.sensors.{number}", math.hypot(x, y), 0, self.radius_cm + ROUNDING_CM, why)
 
     @property

@@ -229,12 +229,12 @@ def check_robots(
     _check_room(kinds, [group.count if group.present else 0 for group in groups], arena)
     for number, (kind, group) in enumerate(zip(kinds, groups, strict=True)):
         section = "robot" if group.kind is None else f"robots.{number}.kind"
-        why = f" at timing.physics_hz {physics_hz}, which may be higher: faster robots overlap before they touch"
+        why = f" at timing.physics_hz {physics_hz}; faster robots need a higher one, or they overlap"
         check_range(f"{section}.wheel_limit_cm_s", kind.wheel_limit_cm_s, 0, STEP_CM * physics_hz, why)
         if kind.camera is None and group.signal.kind in ("camera", "enki_camera"):
             raise ValueError(
-                f"robots.{number}.signal.kind is {group.signal.kind!r}, and the robot {kind.kind!r} has none; allowed: "
-                "cone or radio, as in signal: {kind: radio, range_cm: 10}"
+                f"robots.{number}.signal.kind is {group.signal.kind!r}, but the robot {kind.kind!r} has no camera; "
+                "allowed: cone or radio, as in signal: {kind: radio, range_cm: 10}"
             )
         if group.placement == "grid" and 2 * kind.radius_cm > GRID_SPACING_CM:
             raise ValueError(
@@ -301,12 +301,12 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
         values = np.asarray(given, np.float64)
     except (TypeError, ValueError):
         values = np.full(1, np.nan)
-    shapes = {(): "a number", (robots, *field.shape): f"a list of {robots}, one for each robot"}
     is_whole = np.issubdtype(field.base, np.integer)
+    number = "a whole number" if is_whole else "a number"
+    shapes = {(): number, (robots, *field.shape): f"a list of {robots}, one for each robot"}
     is_integral = not (is_whole and ((values % 1).any() or (np.abs(values) >= 2.0**63).any()))
     if values.shape not in shapes or not np.isfinite(values).all() or not is_integral:
-        numbers = "whole numbers" if is_whole else "numbers"
-        raise ValueError(f"{name} is {short_repr(given)}; allowed: {' or '.join(shapes.values())}, {numbers}")
+        raise ValueError(f"{name} is {short_repr(given)}; allowed: {' or '.join(shapes.values())}")
     if name == "phase_ms" and controller.is_oscillator:
         period_ms = parameters["period_s"] * 1000
         if not ((values >= 0) & (values < period_ms)).all():

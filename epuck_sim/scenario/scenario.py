@@ -160,7 +160,7 @@ def check_condition(name: str, measures: Mapping[str, Measure], event_method: st
         raise ScenarioError(f"{origin}: {did_you_mean(name, measures)}; measures: {comma_list(measures)}")
     if not any(measures[name].is_told(method) for method in (event_method, CYCLE_METHOD)):
         methods = f"methods {CYCLE_METHOD} or {event_method}"
-        raise ScenarioError(f"{origin}: {name} is measured at the end alone; allowed: measures with {methods}")
+        raise ScenarioError(f"{origin}: {name} is measured only at the end; allowed: measures with {methods}")
 
 
 WITHOUT_EFFECT = {"name", "description", "trials", "trial_timeout_s", "figure", "measures", "overhead"}

@@ -221,7 +221,7 @@ def start_like(robots: Scenario | str | Path | Mapping[str, Any], seed: int) -> 
     step = simulation.last_step
     phases = step.phase_ms / simulation.period_ms
     if np.isnan(phases).any():
-        raise ScenarioError(f"{simulation.scenario.name}: some robots have no phase; agents are all oscillators")
+        raise ScenarioError(f"{simulation.scenario.name}: some robots have no phase, but all agents are oscillators")
     x, y, heading = step.poses.T
     return {
         "phases": phases.tolist(),

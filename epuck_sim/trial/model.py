@@ -176,11 +176,11 @@ def run_trial(
     24
     """
     if not isinstance(getattr(simulation, "scenario", None), Scenario):
-        raise TypeError(f"a trial is of a simulation, such as Simulation('thesis', seed=1), not of {simulation!r}")
+        raise TypeError(f"a trial needs a simulation, such as Simulation('thesis', seed=1), not {simulation!r}")
     observers = tuple(observers)
     for kept in (getattr(each, "trial_seed", simulation.seed) for each in observers):
         if kept != simulation.seed:
-            raise ValueError(f"an observer is of seed {kept}, and the trial of seed {simulation.seed}")
+            raise ValueError(f"an observer is for seed {kept}, but the trial has seed {simulation.seed}")
     measuring = Measuring(simulation)
     run = MODELS[simulation.scenario.model].run
     result = run(simulation, (*observers, *measuring.at_events), progress, measuring)

@@ -23,7 +23,7 @@ def run_agents(
     """
     if simulation.instants:
         raise ValueError(
-            f"a trial needs a fresh simulation; in this one agents fired at {simulation.instants} instants"
+            f"a trial needs a fresh simulation; in this one, agents have fired at {simulation.instants} instants"
         )
     stop, period_s = simulation.scenario.stop, simulation.scenario.clocks.period_s
     limit = stop.max_cycles

@@ -58,7 +58,7 @@ class Trace:
             EpuckSimError: The file cannot be written.
         """
         path = Path(path)
-        scenario = load_of_model(scenario, EmbodiedScenario, "traces are of robots")
+        scenario = load_of_model(scenario, EmbodiedScenario, "traces need model: embodied")
         check_target(path)
         self._path, self.trial_seed = path.resolve(), seed
         self._robots = scenario.robot_count

@@ -79,7 +79,7 @@ def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_
     wanders = ("run", "thesis", *set_to("controller=constant", "parameters={}", "count=1"))
     result = call(*wanders, "--json")
     assert json.loads(result.stdout)["simulated_s"] == 600
-    said = "note: robot 0 is no oscillator, so that trials have no T_sync; they end after 600 simulated seconds"
+    said = "note: robot 0 is no oscillator, so trials have no T_sync; they end after 600 simulated seconds"
     assert result.stderr == f"{said}; for another limit: --set stop.max_time_s=3600\n"
     for limit, simulated_s in {"max_time_s=700": 700, "max_time_s=600": 600}.items():
         assert read(*wanders, "--set", limit)["simulated_s"] == simulated_s
@@ -95,11 +95,20 @@ def test_what_never_happens_in_a_trial_is_noted() -> None:
     for given, said in (
         ({"faults": late, "stop": {"max_time_s": 9}}, "faults.0 never begins: trials are over then"),
         ({"schedule": [{"at_cycle": 5, "remove": [1]}], "stop": {"max_cycles": 5}}, "schedule.0 never begins: "),
-        ({"schedule": [add]}, "schedule.0.add: 1 are in the arena all the time"),
+        ({"schedule": [add]}, "schedule.0.add: in the arena all the time: 1"),
         ({"faults": [{"kind": "ring_dead", "scheduled": True}]}, "faults.0 never begins: no entry"),
-        ({"robots": [two | {"signal": {"kind": "radio"}}]}, "robots.0.parameters.flash_pixels is 2, and radio shows 1"),
-        ({"robots": [mute, {}], "stop": {"when": "order_parameter >= 0.9"}}, "stop.when never holds: robot 0 is no"),
-        ({"robots": [two | {"camera": {"pixels": 1}}]}, "robots.0.parameters.flash_pixels is 2, and camera shows 1"),
+        (
+            {"robots": [two | {"signal": {"kind": "radio"}}]},
+            "robots.0.parameters.flash_pixels is 2, but signal radio shows 1",
+        ),
+        (
+            {"robots": [mute, {}], "stop": {"when": "order_parameter >= 0.9"}},
+            "stop.when never holds: order is measured at firings of robot 0, which is no",
+        ),
+        (
+            {"robots": [two | {"camera": {"pixels": 1}}]},
+            "robots.0.parameters.flash_pixels is 2, but signal camera shows 1",
+        ),
     ):
         (note,) = load_scenario(given).notes
         assert note.startswith(said)

@@ -104,7 +104,7 @@ def test_floor_and_lamps_stay_where_a_schedule_moves_walls_and_each_entry_makes_
     assert (after.height_cm, after.floor.patches[0].y_cm, after.lamps[0].y_cm) == (35, 40, 60)
     pictured = {"arena": {"floor": {"picture": str(ground)}}}
     load_scenario({**pictured, "schedule": [{"at_s": 1, "set": {"arena.obstacles": []}}]})
-    with pytest.raises(ScenarioError, match=r"schedule\.0\.set: sets arena\.height_cm, and arena\.floor\.picture is"):
+    with pytest.raises(ScenarioError, match=r"schedule\.0\.set: sets arena\.height_cm, but arena\.floor\.picture is"):
         load_scenario({**pictured, "schedule": narrow})
     wall = {"shape": "box", "x_cm": 30, "y_cm": 30, "width_cm": 2, "height_cm": 60}
     pushed = {"x_cm": 40, "y_cm": 30, "radius_cm": 3, "mass_kg": 1, "friction": 0.1}

@@ -41,7 +41,7 @@ def test_robots_are_interpreted_if_wanted_and_what_is_no_simulation_is_refused()
     scenario = load_scenario("pair", ["stop.max_cycles=2"])
     compiled, interpreted = (run_trial(simulate(scenario, 3, interpret=wanted)) for wanted in (False, True))
     assert without_wall(compiled) == without_wall(interpreted)
-    with pytest.raises(TypeError, match=r"a trial is of a simulation, such as Simulation\('thesis', seed=1\)"):
+    with pytest.raises(TypeError, match=r"a trial needs a simulation, such as Simulation\('thesis', seed=1\)"):
         run_trial("thesis")
 
 
@@ -116,7 +116,7 @@ def test_agents_start_where_the_robots_of_a_trial_with_the_same_seed_do(seed):
 
 def test_trials_differ_in_their_starts_and_sweeps_keep_the_key():
     scenario = load_scenario(AGENTS)
-    with pytest.raises(ScenarioError, match=r"give a ParticleSimulation start_like\(robots, seed\)"):
+    with pytest.raises(ScenarioError, match=r"for a ParticleSimulation, give start_like\(robots, seed\)"):
         ParticleSimulation(AGENTS, 1)
     with pytest.raises(ScenarioError, match="some robots have no phase"):
         epuck_sim.start_like({"robots": [{"controller": "constant"}]}, 1)

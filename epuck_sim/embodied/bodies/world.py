@@ -48,7 +48,7 @@ class World:
         if self.is_public:
             warnings.warn(
                 f"{format_versions(versions())}: {reason}; robots are moved by pymunk's public interface, to the same "
-                "outcome, but many times as slowly; install pymunk 7.3",
+                "outcome, but many times slower; install pymunk 7.3",
                 stacklevel=2,
             )
 

@@ -85,7 +85,7 @@ def replace_controller(
     new.step()
     for name in ("left_cm_s", "right_cm_s", "turn_rad"):
         if np.isnan(actuators[name]).any():
-            raise ControllerError(f"{new.controller.path}: sets {name} to what is not a number")
+            raise ControllerError(f"{new.controller.path}: sets {name} to a value that is not a number")
     block[:] = begun
     return Replaced(kept, started)
 

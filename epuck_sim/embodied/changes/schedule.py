@@ -125,7 +125,7 @@ def check_bodies_outside(swarm: Swarm, origin: str) -> None:
         if overlap_cm > DEEPEST_CM:
             raise ScenarioError(
                 f"{origin}: {name} at [{place.x:.4g}, {place.y:.4g}] would be {overlap_cm:.3g} cm into a wall or an "
-                "obstacle; change the arena where, and when, no body is"
+                "obstacle; change the arena elsewhere, or at another time"
             )
 
 

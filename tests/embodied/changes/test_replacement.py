@@ -76,7 +76,7 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
     assert (now["drawn"].dtype, now["drawn"].tolist()) == (np.int64, [0] * 3)
     simulation.reset()
     assert next(simulation).memories[0]["steps"].tolist() == [1] * 3
-    with pytest.raises(ValueError, match="a controller was replaced, so that scenario and seed make another"):
+    with pytest.raises(ValueError, match="a controller was replaced, so no snapshot: scenario and seed make another"):
         simulation.snapshot()
     with pytest.raises(ValueError, match="group is -1; allowed: 0 to 1"):
         simulation.replace_controller(-1, load_controller(path))
@@ -117,7 +117,7 @@ OSCILLATES = source('"phase_ms": float, "drawn": float').replace("left_over", "p
         (False, source(rise="wiat"), "mine.py:11: cannot be compiled"),
         (False, DIVIDES, "mine.py:14: ZeroDivisionError"),
         (True, DIVIDES, "mine.py:14: FloatingPointError"),
-        (True, source(right="float('nan')"), "mine.py: sets right_cm_s to what is not a number"),
+        (True, source(right="float('nan')"), "mine.py: sets right_cm_s to a value that is not a number"),
         (True, OSCILLATES, "has become an oscillator"),
         (True, source() + 'EXTERNAL = ("ring",)\n', "EXTERNAL has changed from () to ('ring',)"),
         (True, source() + "def check(parameters):\n    raise ValueError('never')\n", "robots.0.parameters: never"),
