@@ -83,14 +83,14 @@ def read_form(
     """
     given_results = [results] if isinstance(results, Path | str) else list(results)
     if not given_results:
-        raise EpuckSimError("there is nothing to draw: no run folder and no point is given")
+        raise EpuckSimError("there is nothing to draw; give a run folder, or points of one")
     folders = [each for each in given_results if isinstance(each, Path | str)]
     points = [each for each in given_results if isinstance(each, PointTrials)]
     if len(given_results) not in (len(folders), len(points)):
         kinds = comma_list([*dict.fromkeys(type(each).__name__ for each in given_results)])
-        raise EpuckSimError(f"results are a list of {kinds}; allowed: run folders, or points of one")
+        raise EpuckSimError(f"results are a list of {kinds}; allowed: run folders, or points of one folder")
     if points and (names or of not in (None, points[0].of)):
-        raise EpuckSimError("names and of are for run folders; of points, it is read_points(folder, of=NAME)")
+        raise EpuckSimError("names and of are for run folders; for points, give read_points(folder, of=NAME)")
     points = points or _read_folders(folders, of, names)
     folder = str(folders[0]) if folders else "the scenario"
     given = _with_full_keys({name: value for name, value in options.items() if value is not None}, points, prefix)
@@ -130,7 +130,7 @@ def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence
     own = [Path(folder).resolve().name for folder in folders]
     names = names or (own if len(set(own)) == len(own) else [str(folder) for folder in folders])
     if not (all(names) and len(set(names)) == len(names) == len(folders) > 1):
-        raise EpuckSimError(f"names are for several folders, one that differs for each; given: {comma_list([*names])}")
+        raise EpuckSimError(f"names need several folders, and a different name for each; given: {comma_list([*names])}")
     firsts = [sweep[0] for sweep in sweeps]
     kinds = [f"model {point.scenario.model} over {comma_list([*point.axes])}" for point in firsts]
     for folder, kind in zip(folders, kinds, strict=True):

@@ -103,7 +103,7 @@ def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str)
     # measures added since are not compared: stored trials are run again for them
     for name, measure in json.loads(point.measures).items():
         if name not in measures:
-            yield f"results of the measure {name}, which is lacking {other}; give another folder"
+            yield f"results of the measure {name}, which is missing {other}; give another folder"
         for difference in _differences(measure, measures[name], other):
             yield f"results of another measure {name}; give another folder: {difference}"
     if point.trials > now.trials:

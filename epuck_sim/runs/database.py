@@ -162,7 +162,7 @@ def check_database(path: Path) -> None:
     if not header.startswith(b"SQLite format 3\0") or int.from_bytes(header[68:72]) != APPLICATION_ID:
         raise StoreError(f"{path}: is not a database of epuck-sim; give another folder")
     if (found := int.from_bytes(header[60:64])) != FORMAT:
-        older = "; a run that goes on with version 0.1.0 makes that of it" if found == 1 else ""
+        older = "; to convert it, go on with the run in version 0.1.0" if found == 1 else ""
         raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}{older}")
     page_size = int.from_bytes(header[16:18])
     damage = _damage(path)
@@ -301,7 +301,7 @@ def _connect_to_read(path: Path) -> sqlite3.Connection:
     """Return a read-only connection, after a write in which another process may have died was undone."""
     if not has_locks(path.parent) and (holder := current_holder(path.parent)) not in (None, own_name()):
         raise StoreError(
-            f"{path.parent}: {holder} is at work on it, and its file system has no locks; read it when that has ended"
+            f"{path.parent}: {holder} is at work on it, and its file system has no locks; read it when that work ends"
         )
     if path.with_name(f"{path.name}-journal").exists():
         with closing(_connect(path, "rw")) as connection:  # a read-only connection cannot undo a write

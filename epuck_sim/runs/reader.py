@@ -361,7 +361,7 @@ def verify(folder: Path) -> list[Verdict]:
         return [*found, Verdict(DIGESTS, False, str(error).removeprefix(f"{folder / DIGESTS}: "))]
     if digests is None:
         is_there = (folder / RUN_SCENARIO).is_file()
-        says = "has no digest: an earlier version has written it" if is_there else "is missing"
+        says = "has no digest: an earlier version wrote it" if is_there else "is missing"
         return [*found, Verdict(RUN_SCENARIO, is_there, says)]
     for name, digest in digests.items():
         try:

@@ -96,9 +96,7 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
     sources = with_trials(read_sources(largest), max(most.values()))
     with acquire(whole):
         if (whole / DATABASE).exists():
-            raise StoreError(
-                f"{whole}: holds results already; give a new folder, and this one as one of those to merge"
-            )
+            raise StoreError(f"{whole}: holds results already; give a new folder, and this one among those to merge")
         axes = list(json.loads(points[largest][0].axes))
         with new_database(whole / DATABASE, axes, merged) as connection:
             for folder in points:

@@ -170,8 +170,8 @@ class Store:
     def _check_ours(self) -> None:
         if not self._is_ours():
             raise StoreError(
-                f"{self._path.parent}: was moved, deleted, replaced or taken over while this run was at work on it, "
-                "which has ended; what it has stored is where the folder is now: go on there"
+                f"{self._path.parent}: was moved, deleted, replaced or taken over while this run was at work on it; "
+                "the run has ended, and its results are where the folder is now: go on there"
             )
 
     def _check_sources(self) -> None:
@@ -179,8 +179,8 @@ class Store:
             with suppress(OSError):  # an editor is replacing it
                 if path.read_bytes() != contents:
                     raise StoreError(
-                        f"{path}: was changed while this run was at work, which has ended: {self._path.parent} has "
-                        "trials of the file as it was; put it back to go on, or give another folder"
+                        f"{path}: was changed while this run was at work; the run has ended: {self._path.parent} "
+                        "has trials of the old file; restore that to go on, or give another folder"
                     )
 
     def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
@@ -233,7 +233,7 @@ def difference(stored: Mapping[str, Any], result: TrialResult) -> str | None:
     for name, before, now in pairs:
         if json.dumps(before) != json.dumps(now):  # 1, 1.0 and true are equal, but not the same
             return (
-                f"is not the trial that is stored, so that new measures are not its own: {name} is "
+                f"differs from the stored trial, so new measures do not belong to it: {name} is "
                 f"{short_repr(before)} in the folder, {short_repr(now)} now; another version or host made it, or "
                 "code that draws numbers of its own"
             )

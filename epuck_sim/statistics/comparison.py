@@ -264,7 +264,7 @@ def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequen
     for numbers in chosen:
         if len(numbers) != len(folders):
             raise EpuckSimError(
-                f"--points is given {counted(len(numbers), 'number')}; allowed: one of each of {len(folders)}"
+                f"--points is given {counted(len(numbers), 'number')}; allowed: {len(folders)}, one of each folder"
             )
         for number, points, name in zip(numbers, folders, names, strict=True):
             if not 0 <= number < len(points):
@@ -318,7 +318,7 @@ def compare(samples: Samples, *, with_first: bool = False) -> list[Comparison]:
         EpuckSimError: No point has trials of two samples.
     """
     if not any(sum(point is not None for point in points) > 1 for _, points in samples.matches):
-        raise EpuckSimError("there are no two points to compare that both have trials")
+        raise EpuckSimError("nothing to compare: no point has trials on two sides")
     pairs = [(a, b) for a, b in combinations(range(len(samples.names)), 2) if a == 0 or not with_first]
     compared = [each for a, b in pairs if (each := _compare(samples, a, b))]
     at_points = iter(holm([point.p_value for each in compared for point in each.points]))
@@ -465,8 +465,8 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
             [headings[each.tested] for each in compared],
         )
     )
-    interval = "whose interval is Newcombe's" if statistics == "share" else "as its interval is"
-    yield f"Compared: {statistics}. p: {tests}, of {tested}, {interval}; Holm: corrected for their number."
+    whose = " (Newcombe's)" if statistics == "share" else ""
+    yield f"Compared: {statistics}. p and interval{whose}: of {tested}; p: {tests}; Holm: corrected for their number."
     few = len(points) - sum(each.compared for each in compared)
     if few:
         none = "with a value" if compared[0].of else "that synchronised"
@@ -474,7 +474,7 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
     unaveraged = sum(each.compared - each.averaged for each in compared)
     if unaveraged:
         where = "the trials of one side are all censored or alike"
-        yield f"In p over all alone: {counted(unaveraged, 'point')}, where {where}."
+        yield f"Only in p over all: {counted(unaveraged, 'point')}, where {where}."
     left_out = sum(each.left_out for each in compared)
     if left_out:
         yield f"Left out: {counted(left_out, 'point')} with trials on one side only."

@@ -84,7 +84,7 @@ def check_speed_alone(curves: Sequence[Curve]) -> None:
     """Raise EpuckSimError if anything but speeds and the limit of cycles changes along a curve."""
     tied = [key for curve in curves for key in curve.tied if not key.endswith((SPEED, ".max_cycles"))]
     if tied:
-        raise EpuckSimError(f"{tied[0]} changes with the speed; give sweep.grid one of them instead of zip")
+        raise EpuckSimError(f"{tied[0]} changes with the speed; put one of them in sweep.grid instead of zip")
 
 
 def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:

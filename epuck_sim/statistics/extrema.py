@@ -251,16 +251,16 @@ def search_extrema(curve: Curve) -> ExtremaSearch:
 def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: BoolArray) -> str:
     speeds, enough, left = (np.count_nonzero(chosen) for chosen in (moving, tried, usable))
     if speeds < MIN_SPEEDS:
-        return f"{speeds} speeds; a minimum and a peak take {MIN_SPEEDS}"
+        return f"{speeds} speeds; a minimum and a peak need {MIN_SPEEDS}"
     if enough < MIN_SPEEDS:
         return (
-            f"fewer than {MIN_TRIALS} trials at {speeds - enough} of {speeds} speeds, which noise alone makes rise; "
-            f"--trials {MIN_TRIALS} is the least, and 200 show a rise of a fifth"
+            f"fewer than {MIN_TRIALS} trials at {speeds - enough} of {speeds} speeds, where noise can look like "
+            f"a rise; give --trials {MIN_TRIALS} or more: 200 show a rise of a fifth"
         )
     if left < MIN_SPEEDS:
         return (
             f"half of the trials or more are censored at {enough - left} of {enough} speeds; {MIN_SPEEDS} others are "
-            "the least: raise stop.max_cycles"
+            "needed: raise stop.max_cycles"
         )
     first, last = np.flatnonzero(usable)[[0, -1]]
     hidden = curve.x[first:last][(tried & ~usable)[first:last]]

@@ -301,8 +301,8 @@ NOUNS = {"embodied": "robots", "particles": "point agents"}  # names of the mode
 
 NOTES = {
     "embodied": "Thesis 4.2.2. The exponents of T_m and T_p ignore its offset K; the larger K, the closer to 0.",
-    "particles": "The thesis's laws of T_m and T_p (4.2.2) are of robots. Agents are points: T_sync does not depend on "
-    "L where V and R grow with it, and T_p grows exponentially with N (5.4.1). V_m and V_p: 4.2.2; V_f: 5.4.1.",
+    "particles": "The thesis's laws of T_m and T_p (4.2.2) are for robots. Agents are points: T_sync does not depend "
+    "on L where V and R grow with it, and T_p grows exponentially with N (5.4.1). V_m and V_p: 4.2.2; V_f: 5.4.1.",
 }
 """The laws of the thesis, by model."""
 
@@ -320,7 +320,7 @@ def _extrema_table(curves: Sequence[FittedCurve]) -> Table:
     units = {"v": "cm/s", "t": "cycles"}
     headings = {name: f"{name.capitalize()} ({units[name[0]]})" for name in wanted if name != "p_value"}
     statistics = " or ".join(dict.fromkeys(name for curve in curves for name in curve.names))
-    notes = [f"T_m and T_p: {statistics}. -: no minimum and peak that noise could not explain."]
+    notes = [f"T_m and T_p: {statistics}. -: no minimum and peak that stand out from noise."]
     notes += _reasons(curves)
     notes += [f"V_f: from there on T_sync is less than {FAST_FACTOR:g} times that at the largest speed."] * has_v_f
     return Table("Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p"})
@@ -401,15 +401,15 @@ def _fit_measure(run: str, of: str, axis: str, curve: Curve) -> MeasureFit:
 def _reason_against(curve: Curve, usable: BoolArray) -> str:
     positive, left = np.count_nonzero(curve.x > 0), np.count_nonzero(usable)
     if curve.is_share:
-        return "it is a truth value; shares of trials are not looked at in logarithms"
+        return "the measure is a truth value, and the search is in logarithms, which shares do not suit"
     if (curve.values[usable] <= 0).any() or (curve.resampled[:, usable] <= 0).any():
-        return "not all of its values are positive, and it is looked at in logarithms"
+        return "not all values are positive, and the search is in logarithms"
     if positive < MIN_SPEEDS:
-        return f"{positive} positive values of the axis; a minimum and a peak take {MIN_SPEEDS}"
+        return f"{positive} positive values of the axis; a minimum and a peak need {MIN_SPEEDS}"
     if left < MIN_SPEEDS:
         return (
-            f"fewer than {MIN_TRIALS} trials with a value at {positive - left} of {positive} points, which noise "
-            f"alone makes rise; --trials {MIN_TRIALS} is the least"
+            f"fewer than {MIN_TRIALS} trials with a value at {positive - left} of {positive} points, where noise "
+            f"can look like a rise; give --trials {MIN_TRIALS} or more"
         )
     return ""
 
@@ -424,7 +424,7 @@ def measure_fit_table(fits: Sequence[MeasureFit]) -> Table:
     ]
     of, axes = fits[0].of, " or ".join(dict.fromkeys(fit.axis for fit in fits))
     statistics = " or ".join(dict.fromkeys(fit.statistic for fit in fits))
-    notes = [f"{of}: {statistics}. -: none between the ends of the axis that noise could not explain."]
+    notes = [f"{of}: {statistics}. -: none between the ends of the axis that stands out from noise."]
     notes += _reasons(fits)
     headings = {f"{name}_{part}": text.format(name) for name in ("minimum", "peak") for part, text in parts.items()}
     return Table(f"Minimum and peak of {of} against {axes}, with 95 % intervals", _rows(fits, cells), notes, headings)

@@ -49,14 +49,14 @@ class TrialPlan(NamedTuple):
         unit = "percentage points" if self.is_of_shares else "%"
         wanted = f"a difference of {100 * self.difference:g} {unit} in {100 * self.power:g} % of all cases"
         if any(point.trials is not None for point in self.points):
-            said = f"Trials: those at a point, of each of two sweeps, that show {wanted}, with p < 0.05."
+            said = f"Trials: as many as each of two sweeps needs at a point to show {wanted}, with p < 0.05."
         elif known := [point for point in self.points if point.stored >= MIN_TRIALS]:
             is_limited = all(point.statistic == "restricted mean" for point in known)
             why = "are censored at their limit" if is_limited else "have one value, or no share can differ by so much"
             said = f"No number of trials shows {wanted}: all {why}."
         else:
             of = "" if self.of is None else f" with a value of {self.of}"
-            said = f"No point has {MIN_TRIALS} trials{of}, which its spread takes; run again with --trials 20 or more."
+            said = f"No point has {MIN_TRIALS} trials{of}, the fewest for a spread; run again with --trials 20 or more."
         over_all = f"Over all points together, if all differ alike: {self.over_all} at each."
         return [said, *[over_all] * (self.over_all is not None)]
 

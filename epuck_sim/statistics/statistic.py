@@ -106,7 +106,7 @@ def check_units(points: Sequence[PointTrials]) -> None:
     found = map(measure_unit, points)
     units = dict.fromkeys(unit or "none" for unit in found if unit is not None)
     if len(units) > 1:
-        raise EpuckSimError(f"the unit of {points[0].of} differs: {comma_list([*units])}; give folders with one")
+        raise EpuckSimError(f"the unit of {points[0].of} differs: {comma_list([*units])}; give folders with one unit")
 
 
 def measure_t_sync(point: PointTrials) -> Measured:
@@ -132,7 +132,7 @@ def measure(point: PointTrials) -> Measured:
         return measure_t_sync(point)
     if any(isinstance(value, list) for value in point.measured):
         raise StoreError(
-            f"{point.of} is a series, with a value for each cycle; this takes one value a trial: allowed are plot "
+            f"{point.of} is a series, with a value for each cycle; this needs one value a trial; allowed: plot "
             "--form series and summarize (statistics.curves)"
         )
     known = [value for value in point.measured if value is not None and not isinstance(value, list)]
@@ -157,7 +157,7 @@ def statistic_name(statistic: Statistic, is_censored: bool, *, is_share: bool = 
 def check_statistic(measured: Measured, statistic: Statistic) -> None:
     """Raise EpuckSimError for a statistic that is not defined for a measure."""
     if statistic == Statistic.WEIBULL_MEAN and measured.limit == math.inf:
-        raise EpuckSimError("the Weibull mean is of T_sync alone; allowed for measures: mean or median")
+        raise EpuckSimError("the Weibull mean is for T_sync alone; allowed for measures: mean or median")
     if statistic != Statistic.MEAN and measured.is_share:
         raise EpuckSimError("truth values have no median; allowed: mean, the share of trials in which they are true")
 

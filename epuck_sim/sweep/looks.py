@@ -55,16 +55,16 @@ class Looks:
         """Raise EpuckSimError for a sweep without T_sync, with too low a limit of trials, or without the contrast."""
         scenario = points[0].scenario
         if any(point.scenario.stop.order_parameter is None for point in points):
-            raise EpuckSimError("--until is about T_sync, which trials have none of: stop.order_parameter is null")
+            raise EpuckSimError("--until needs T_sync, which trials do not have: stop.order_parameter is null")
         if scenario.trials < FIRST_LOOK:
             raise EpuckSimError(
-                f"trials is {scenario.trials}, the most that --until may run at a point, and it begins with "
-                f"{FIRST_LOOK}; give --trials 1000, say"
+                f"trials is {scenario.trials}, the most that --until may run at a point; allowed: "
+                f"{FIRST_LOOK} or more, such as --trials 1000"
             )
         if self._key is None:
             return
         if "=" in self._key:
-            raise EpuckSimError(f"--contrast is {self._key}; allowed: a key alone, which --sweep gives values")
+            raise EpuckSimError(f"--contrast is {self._key}; allowed: a key alone; give --sweep its values")
         rows = [point.axes for point in points]
         self._key = axis_key(self._key, rows, "--contrast")
         if self._key not in rows[0] or min(map(len, self._groups(points))) == 1:
@@ -73,7 +73,7 @@ class Looks:
         for group in self._groups(points):
             if group[0].axes[self._key] != rows[0][self._key]:
                 where = f"point {group[0].number} ({describe_axes(group[0].axes)})"
-                raise EpuckSimError(f"--contrast is {self._key}; {where} has none beside it with its first value")
+                raise EpuckSimError(f"--contrast is {self._key}; {where} has no counterpart at the first value")
 
     def _groups(self, points: Sequence[Point]) -> list[list[Point]]:
         """Return the points that are looked at together: each alone, or those that differ in the contrast's key.
@@ -174,7 +174,7 @@ class Looks:
         title = f"T_sync (cycles), with 95 % intervals that hold at every look; asked for: +- {asked}"
         note = f"Narrow enough: {self.narrow} of {counted(len(rows), 'point')}"
         limit = self._points[0].scenario.trials
-        more = "" if self.narrow == len(rows) else f"; the others have {limit} trials, the most that they may"
+        more = "" if self.narrow == len(rows) else f"; the others have reached the limit of {limit} trials"
         headings = {"mean": "mean or restricted mean", "half_width": "half-width", "is_narrow": "narrow enough"}
         headings[contrast] = f"{contrast} to the first"
         return Table(title, rows, [f"{note}{more}."], headings)

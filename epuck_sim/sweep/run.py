@@ -75,7 +75,7 @@ def run_sweep(
     if until is not None:
         until.check(all_points)
         if share not in (None, WHOLE):
-            raise EpuckSimError(f"share is {share}; until looks at all trials of a point")
+            raise EpuckSimError(f"share is {share}; leave it out: until looks at all trials of a point")
         share = WHOLE
     begin(all_points)
     with Store(Path(folder), loaded, all_points, share) as store:

@@ -59,7 +59,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         enough = max(1, (allowed - 24) // 2)
         raise EpuckSimError(
             f"{workers} workers need {needed} open files; allowed: {allowed}, enough for {enough} workers; "
-            "ulimit -n raises it"
+            "ulimit -n raises this limit"
         )
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):

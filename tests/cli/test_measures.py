@@ -86,7 +86,7 @@ def test_numbers_are_summarised_drawn_fitted_and_compared(here):
 
 def test_numbers_that_are_not_positive_have_no_ratio_and_no_extremes(here):
     folder = folder_of(here, "signed")
-    assert "not all of its values are positive" in called("fit", folder, "--of", "signed")
+    assert "not all values are positive, and the search is in logarithms" in called("fit", folder, "--of", "signed")
     words = "compare", folder, "--of", "signed", "--axis", f"{SPEED}=0.1,10"
     (point, *_) = read(*words)["points"]
     assert point["ratio"]["value"] is None
@@ -107,7 +107,7 @@ def test_truth_values_are_shares(here):
     assert {point["statistic"] for point in compared["points"]} == {"share"}
     assert compared["p_value"] < 0.001
     assert 0.2 < compared["difference"]["value"] < 0.6
-    assert "shares of trials are not looked at" in called("fit", folder, "--of", "truth")
+    assert "the measure is a truth value, and the search is in logarithms" in called("fit", folder, "--of", "truth")
 
 
 def test_series_are_summarised_and_drawn_over_the_cycles(here):

@@ -80,7 +80,7 @@ def test_with_few_trials_fit_prints_no_p_value_and_plot_no_bands_nor_marks(trial
     few = store(tmp_path / "few", sweep({SPEED: MANY_SPEEDS}, trials=trials), bumpy)
     stdout = called("fit", few)
     assert "Not looked for on 1 of 1 curves: fewer than 20 trials at 13 of 13 speeds" in stdout
-    assert "--trials 20 is the least" in stdout
+    assert "give --trials 20 or more" in stdout
     (curve,) = read("fit", few)["curves"]
     assert [curve[name] for name in ("p_value", "v_m", "t_m", "v_p", "t_p")] == [None] * 5
     assert curve["reason"].startswith("fewer than 20 trials")

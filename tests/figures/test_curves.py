@@ -285,7 +285,7 @@ def test_tables_have_the_numbers_of_the_curves_and_their_extrema_or_say_why_ther
         numbers = [end for place in search.places.values() for end in place.estimate.ends] or [math.nan] * 12
         assert [*row.values()] == in_csv(*curve.axes.values(), *numbers, search.p_value, "")
     for curve, axis, reason in (
-        (curve_of(BUMPY.values[:5]), SPEED, "5 speeds; a minimum and a peak take 6"),
+        (curve_of(BUMPY.values[:5]), SPEED, "5 speeds; a minimum and a peak need 6"),
         (curve_of(BUMPY.values, x=np.arange(13) + 2), COUNT, "the axis is no speed"),
     ):
         (row,) = written(form_of([curve], axis).tables["-regimes.csv"])

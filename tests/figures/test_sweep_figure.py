@@ -143,9 +143,9 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
         scenario = sweep({SPEED: SPEEDS}, trials=2, measures=[str(path)])
         folders.append(store_measured(tmp_path / f"run-{unit}", scenario, lambda point: [point.axes[SPEED]] * 2))
     assert [figures.plot(each, of="way").axes[0].get_ylabel() for each in folders] == ["way (cm)", "way (mm)"]
-    with pytest.raises(EpuckSimError, match="the unit of way differs: cm, mm; give folders with one"):
+    with pytest.raises(EpuckSimError, match="the unit of way differs: cm, mm; give folders with one unit"):
         figures.plot(folders, of="way")
-    assert "the unit of way differs: cm, mm; give folders with one" in refused("compare", *folders, "--of", "way")
+    assert "the unit of way differs: cm, mm; give folders with one unit" in refused("compare", *folders, "--of", "way")
     (tmp_path / "mm/mine.py").unlink()
     assert figures.plot(folders[1], of="way").axes[0].get_ylabel() == "way"
 
@@ -153,7 +153,10 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
 def test_what_does_not_fit_is_refused_in_words() -> None:
     for draw, message in [
         (lambda: figures.plot(POINTS, form="violins", ax=Figure().subplots()), "has 2 panels, but ax is 1 Axes"),
-        (lambda: figures.plot(each for each in POINTS if each.number > 99), "no run folder and no point is given"),
+        (
+            lambda: figures.plot(each for each in POINTS if each.number > 99),
+            "there is nothing to draw; give a run folder, or points of one",
+        ),
         (lambda: figures.plot([POINTS[0], "folder"]), "a list of PointTrials, str; allowed: run folders, or points"),
         (lambda: figures.plot([3]), "results are a list of int; allowed: run folders"),
         (lambda: figures.plot(POINTS, of="way"), "names and of are for run folders"),

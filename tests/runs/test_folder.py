@@ -115,7 +115,7 @@ def test_a_lease_ends_when_it_is_not_renewed_or_its_process_is_gone(tmp_path, pr
         fill(tmp_path)
         return
     assert f"{name} is at work on it" in refusal(tmp_path, DEMO)
-    with pytest.raises(StoreError, match="its file system has no locks; read it when that has ended"):
+    with pytest.raises(StoreError, match="its file system has no locks; read it when that work ends"):
         read_status(tmp_path)
     assert take_over(tmp_path) == name
     fill(tmp_path)

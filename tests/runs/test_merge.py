@@ -302,7 +302,7 @@ def flip(path: Path) -> None:
         (Path.unlink, "results.sqlite", "is not a run folder", 2),
         (lambda p: p.write_text("0" * 64 + p.read_text()[64:]), "SHA256SUMS", ": is damaged, or was changed", 1),
         (lambda path: path.write_text("a"), "SHA256SUMS", "SHA256SUMS: is damaged: 'a' is no digest", 1),
-        (Path.unlink, "SHA256SUMS", "scenario.yaml: has no digest: an earlier version has written it", 0),
+        (Path.unlink, "SHA256SUMS", "scenario.yaml: has no digest: an earlier version wrote it", 0),
     ],
 )
 def test_verify_names_what_is_not_as_it_was_written(made: Path, spoil, name: str, says: str, code: int) -> None:

@@ -247,7 +247,7 @@ SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "without checksums": (after("ALTER TABLE trials DROP COLUMN checksum"), "is damaged: trials has no checksums"),
     "of the format before the first release": (
         lambda whole: whole[:60] + (1).to_bytes(4) + whole[64:],
-        "has format 1, this version of epuck-sim reads 2; a run that goes on with version 0.1.0 makes that of it",
+        "has format 1, this version of epuck-sim reads 2; to convert it, go on with the run in version 0.1.0",
     ),
     "of another format": (
         lambda whole: whole[:60] + (3).to_bytes(4) + whole[64:],

@@ -298,7 +298,7 @@ def test_with_few_trials_there_is_no_p_value_but_how_many_are_the_least_and_spee
         found = search_extrema(curve_of(made_folders.bumpy, trials=trials))
         assert (found.places, found.p_value) == ({}, None)
         assert found.reason.startswith("fewer than 20 trials at 13 of 13 speeds")
-        assert "--trials 20 is the least" in found.reason
+        assert "give --trials 20 or more" in found.reason
     assert search_extrema(curve_of(made_folders.bumpy, trials=extrema.MIN_TRIALS)).reason == ""
     curve = curve_of(lambda point: weibull(point, 50, trials=60 if point.number % 2 else 3))
     assert curve.trials.tolist() == [3, 60] * 6 + [3]
@@ -308,7 +308,7 @@ def test_with_few_trials_there_is_no_p_value_but_how_many_are_the_least_and_spee
 
 def test_why_there_is_none_is_said_of_few_speeds_without_the_one_at_rest_and_where_censoring_may_hide_a_peak() -> None:
     few = search_extrema(curve_of(made_folders.falling, [1, 2, 3, 4, 5]))
-    assert few.reason == "5 speeds; a minimum and a peak take 6"
+    assert few.reason == "5 speeds; a minimum and a peak need 6"
     assert search_extrema(curve_of(lambda _: ended(range(1, 40)), range(6))).reason.startswith("5 speeds;")
     assert search_extrema(curve_of(made_folders.falling, range(1, extrema.MIN_SPEEDS + 1))).reason == ""
     half_censored = ended([20, 30] * 15 + [50] * 30, [True] * 30 + [False] * 30)
@@ -436,9 +436,13 @@ def test_what_is_0_where_nothing_moves_is_no_reason_against_it(tmp_path):
 @pytest.mark.parametrize(
     ("law", "trials", "said"),
     [
-        (lambda x, _: x - 1, 30, "not all of its values are positive"),
-        (lambda x, random: bool(random.random() < x / 20), 30, "it is a truth value"),
-        (bump, 19, "fewer than 20 trials with a value at 8 of 8 points, which noise alone makes rise; --trials 20"),
+        (lambda x, _: x - 1, 30, "not all values are positive, and the search is in logarithms"),
+        (lambda x, random: bool(random.random() < x / 20), 30, "the measure is a truth value"),
+        (
+            bump,
+            19,
+            "fewer than 20 trials with a value at 8 of 8 points, where noise can look like a rise; give --trials 20",
+        ),
         (lambda x, random: bump(x, random) if x > 1 else None, 30, "fewer than 20 trials with a value at 4 of 8"),
     ],
 )

@@ -89,7 +89,7 @@ def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) 
     assert not curves[0].places
     stdout = printed(capsys, curves)
     assert "No laws: no curve has a local minimum and a peak." in stdout
-    assert "-: no minimum and peak that noise could not explain" in stdout
+    assert "-: no minimum and peak that stand out from noise" in stdout
     read = json_of(capsys, curves)
     assert read["laws"] == fit_laws(curves)._asdict()
     assert [read["curves"][0][name] for name in NAMES] == [None] * 4

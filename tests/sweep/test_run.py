@@ -305,11 +305,11 @@ def test_the_command_says_how_narrow_intervals_are(all_trials) -> None:
     for row in said:
         assert row["half_width"] == pytest.approx((row["mean_high"] - row["mean_low"]) / 2 / row["mean"])
         assert row["is_narrow"] == (row["half_width"] <= 0.14)
-    assert f"Narrow enough: {narrow} of 4 points; the others have {MOST} trials" in text.stdout
+    assert f"Narrow enough: {narrow} of 4 points; the others have reached the limit of {MOST} trials" in text.stdout
     assert f"{narrow} of 4 points narrow enough" in text.stderr
 
 
 def test_a_share_has_too_few_trials_for_a_look(tmp_path) -> None:
-    with pytest.raises(EpuckSimError, match="share is 1/20; until looks at all trials of a point"):
+    with pytest.raises(EpuckSimError, match="share is 1/20; leave it out: until looks at all trials of a point"):
         run_sweep(short_sweep(tmp_path, 20), tmp_path / "run", pool_here, share=Share(1, 20), until=Looks("10%"))
     assert not (tmp_path / "run").exists()

@@ -155,8 +155,8 @@ def check_has_values(points: Sequence[PointTrials], form: str) -> None:
         return
     of = points[0].of
     if of is not None:
-        raise EpuckSimError(f"no trial has a value of {of}, so that --form {form} would be blank")
+        raise EpuckSimError(f"no trial has a value of {of}, so --form {form} would be blank")
     raise EpuckSimError(
-        f"all trials are censored, so that --form {form} would be blank; raise stop.max_cycles, or draw --form curves, "
+        f"all trials are censored, so --form {form} would be blank; raise stop.max_cycles, or draw --form curves, "
         "which marks where trials are censored"
     )

@@ -32,8 +32,8 @@ EDGE = 0.04  # length of the marks of the limits at the edges of a panel, as a s
 CELLS = ("regime", "probability", "v_m", "v_p", "t_frozen", "frozen_share", "t_fast")  # cells of the table
 
 CAPTION = (
-    "dashed is T_sync as predict has it from who hears whom, without a trial: its course, at the left edge that of "
-    "swarms that stand, at the right one that of the fastest"
+    "dashed is T_sync as predict computes it from who hears whom, without a trial: curves, at the left edge for "
+    "standing swarms, at the right for the fastest"
 )
 HOLLOW = "; hollow triangles are the predicted V_m (down) and V_p (up), with a standard deviation either way"
 

@@ -114,7 +114,7 @@ class Perturbation(Form):
         if not any(scenario.start.displacement > 0 or scenario.clocks.jitter > 0 for _, scenario in tried):
             raise EpuckSimError(
                 "nothing deviates from the undisturbed twin, because start.displacement and clocks.jitter are 0, so "
-                "that --form perturbation would be blank; --form course shows the order parameter"
+                "--form perturbation would be blank; --form course shows the order parameter"
             )
         return cls(shown=[_deviations(*each) for each in tried])
 
