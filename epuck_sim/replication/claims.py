@@ -150,7 +150,7 @@ class Check(ConfigModel):
         if self.take is not None and self.of is None:
             raise ValueError("take is given without of, the measure whose values it takes")
         if "between" in TESTS[self.test].takes and self.between[0] == self.between[1]:
-            raise ValueError("between has one place twice; give two that differ")
+            raise ValueError("between has the same place twice; give two that differ")
         return self
 
 
@@ -192,7 +192,7 @@ class Claim(ConfigModel):
         if has_tests + reasons != 1 or (self.reading and not has_tests):
             raise ValueError("give either checks, which may be a reading, or one of identity, no_claim and not_asked")
         if (self.sweep is None) == any(check.test != "formula" for check in self.checks):
-            raise ValueError("tests of trials take a sweep, and only these")
+            raise ValueError("give sweep where checks test trials, and only there")
         return self
 
 
@@ -214,7 +214,7 @@ class Claims(ConfigModel):
                 raise ValueError(f"{name!r} is no name of a claim, or of a sweep; allowed: letters, digits, _, - and .")
         for claim in self.claims:
             if names.count(claim.id) > 1:
-                raise ValueError(f"claim {claim.id} is there twice")
+                raise ValueError(f"claim {claim.id} is given twice")
             if claim.sweep is not None and claim.sweep not in self.sweeps:
                 raise ValueError(f"claim {claim.id}: sweep: {did_you_mean(claim.sweep, dict(self.sweeps))}")
         return self

@@ -131,7 +131,7 @@ def share_difference(first: Measured, second: Measured) -> Effect:
 
 def _truths(sample: Measured) -> Measured:
     if len(sample.values) and not (sample.is_share or math.isfinite(sample.limit)):
-        raise EpuckSimError("a share is of trials in which a measure is true; this measure has other values")
+        raise EpuckSimError("a share counts trials in which a measure is true; this measure has other values")
     true = sample.values > 0 if sample.is_share else sample.observed
     return Measured(true.astype(float), np.ones(len(true), bool), math.inf, sample.seed, is_share=True)
 

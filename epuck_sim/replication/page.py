@@ -40,8 +40,8 @@ LEAST_P = 1e-4  # p-values below this are given as this one
 
 RULES = (
     "A claim holds if all its tests do, and is contradicted if any is; else it is undecided. An identity cannot fail. "
-    "A reading is decided by a limit or a wording of ours. Shown is the first test that decides, with its 95 % "
-    "interval and, in brackets, what was predicted; below are all that do not hold. T_sync rises if the ratio of "
+    "A reading is decided by a limit or a wording of ours. The table shows the first test that decides, with its 95 % "
+    "interval and, in brackets, the prediction; below it, all that do not hold. T_sync rises if the ratio of "
     f"means is above {RISE}. A test is decided if p is below 0.05 after Holm's correction for all tests of trials, of "
     "which there are "
 )

@@ -142,7 +142,7 @@ class Decider:
         spent_s = 0.0
         while looks := [look for look in self.next_looks() if look.cost_s <= budget_s - spent_s]:
             look = looks[0]
-            yield f"{look.sweep}: {look.scenario.trials} trials a point, some {in_words(look.cost_s)} of computing"
+            yield f"{look.sweep}: {look.scenario.trials} trials a point, about {in_words(look.cost_s)} of computing"
             before_s, _ = self._trials.effort(look.sweep)
             add(look.sweep, look.scenario)
             spent_s += self._trials.effort(look.sweep)[0] - before_s
@@ -186,13 +186,13 @@ class Decider:
                 cells = {"trials": look.scenario.trials, "next_look": in_words(look.cost_s), "until": until}
                 rows.append(Row({"claim": claim}, {"sweep": look.sweep, **cells}))
                 near += [claim] * (cost_s <= HOUR_S)
-        title = "Undecided, with the computing time of the next look, and of all until a verdict if effects stay"
+        title = "Undecided claims: computing time of the next look, and of all until a verdict if effects stay"
         headings = {"trials": "trials at the next look", "next_look": "its time", "until": "until decided"}
         hour = f"An hour of computing would decide each of {', '.join(near)}."
         scattered = ", ".join(each.claim.id for each in self.answers() if _needs_points(each))
-        points = f"More points would decide {scattered}, not more trials: they scatter by far more than their errors."
+        points = f"More points would decide {scattered}, not more trials: points scatter by far more than their errors."
         notes = [hour] * bool(near) + [points] * bool(scattered)
-        return Table(title if rows else "No claim is undecided that may be looked at again", rows, notes, headings)
+        return Table(title if rows else "No undecided claim may be looked at again", rows, notes, headings)
 
 
 def _needs_points(answer: verdicts.Answer) -> bool:

@@ -109,12 +109,12 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
         if key in test.takes:
             axis = choose_axis([point.axes for point in used], getattr(check, key), key)
             if len({point.axes[axis] for point in used}) == 1:
-                raise EpuckSimError(f"{key}: {axis} is {used[0].axes[axis]} at all points; {check.test} takes several")
+                raise EpuckSimError(f"{key}: {axis} is {used[0].axes[axis]} at all points; {check.test} needs several")
             if LOGARITHMIC.get(check.test) == key and min(float(point.axes[axis]) for point in used) <= 0:
                 raise EpuckSimError(f"{key}: {axis} is 0 or less at a point; {check.test} takes values above 0")
     if test.points not in (None, len(used)):
         of = "one at each place" if test.points == 2 else "one"
-        raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; {check.test} is of {of}")
+        raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; {check.test} needs {of}")
     return used
 
 

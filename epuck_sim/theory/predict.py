@@ -82,7 +82,7 @@ class Prediction(NamedTuple):
             ("T_sync at this speed", self.t_sync, "cycles"),
             ("T_sync, fast limit", self.t_sync_fast, "cycles"),
             ("T_sync, standing swarms", self.t_sync_frozen, "cycles"),
-            ("standing swarms that can", Share(self.frozen_share.value), ""),
+            ("standing swarms that sync", Share(self.frozen_share.value), ""),
             ("link lasts", self.link_cm, "cm"),
             ("link lasts", self.link_cycles, "cycles"),
             ("links an agent", self.graph.links, ""),
@@ -179,7 +179,7 @@ def _reason(verdict: str, graph: GraphMeasures, pair: Pair, rise: Rise, fast: Li
         renewed = f"renewed links {'join them all the same' if fast.ended.value else 'do not join them either'}"
         drives = "pulses pull leads back" if pair.lead < 0 else renewed
         return f"No regime: {clusters}, and {drives}."
-    kept = f"{rise.peak:g} cycles of the same links take {math.exp(rise.log_ratio):.2g} times what {rise.minimum:g} do"
+    kept = f"T_sync at links of {rise.peak:g} cycles is {math.exp(rise.log_ratio):.2g} times that at {rise.minimum:g}"
     if math.isnan(rise.minimum):
         kept = f"T_sync falls {2 * math.exp(rise.excess):.2g}-fold when links are renewed twice as often"
     return f"{'Regime' if verdict == 'yes' else 'Open'}: {clusters}; {kept}."
@@ -193,7 +193,7 @@ def _oscillators(scenario: Scenario) -> tuple[Response, float, float]:
         raise ScenarioError(f"{name}: {key} is {agents}; allowed: 2 to {MOST_AGENTS} for a prediction")
     threshold = scenario.stop.order_parameter
     if threshold is None:
-        raise ScenarioError(f"{name}: stop.order_parameter is null; give a number up to 1, which ends T_sync")
+        raise ScenarioError(f"{name}: stop.order_parameter is null; give a number up to 1, at which T_sync ends")
     if isinstance(scenario, ParticleScenario):
         response, jitter, key = make_response(scenario.response), scenario.clocks.jitter, "response.coupling"
     else:
@@ -216,20 +216,20 @@ def _oscillators(scenario: Scenario) -> tuple[Response, float, float]:
 def _left_out(scenario: Scenario) -> tuple[str, ...]:
     notes = []
     if isinstance(scenario, EmbodiedScenario):
-        notes.append("Robots are taken for point oscillators that move straight ahead; no trials have judged that.")
+        notes.append("Robots are treated as point oscillators that move straight ahead; no trials have tested that.")
         if all(group.poses is not None for group in scenario.robots):
-            notes.append("poses are as given: all snapshots are of these.")
+            notes.append("poses are as given, in all snapshots.")
         if scenario.faults:
             notes.append("faults are left out.")
         names = ("coupling", "period_s", "refractory_fraction", "speed_cm_s")
         if differing := [name for name in names if len({each.parameters.get(name) for each in scenario.robots}) > 1]:
-            notes.append(f"All robots are taken for ones of the first group; groups differ in {comma_list(differing)}.")
+            notes.append(f"All robots are treated as in the first group; groups differ in {comma_list(differing)}.")
     elif isinstance(scenario, ParticleScenario) and scenario.start != StartSection():
         notes.append("start is left out: places and phases are random.")
     if scenario.stop.metric == "reference":
         notes.append("stop.metric is left out: the order parameter is the complex one.")
     if isinstance(scenario, EmbodiedScenario | ParticleScenario) and scenario.schedule:
-        notes.append("schedule is left out: the prediction is of the swarm as it starts.")
+        notes.append("schedule is left out: the prediction is for the swarm as it starts.")
     return tuple(notes)
 
 

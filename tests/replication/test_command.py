@@ -212,7 +212,7 @@ def test_trials_are_added_until_claims_are_decided_and_the_page_counts_looks(tmp
     assert result.exit_code == 0
     (count,) = trials(tmp_path / "out")
     assert count in trials_at_looks(6)[1:]
-    assert "No claim is undecided that may be looked at again" in result.stdout
+    assert "No undecided claim may be looked at again" in result.stdout
     assert "holds 2" in page.read_text()
     assert f"looked at up to {LOOKS} times" in page.read_text()
     before = page.read_bytes()
