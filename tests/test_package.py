@@ -121,7 +121,7 @@ def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
 def test_a_trial_is_not_kept_under_the_seed_of_another_one(tmp_path) -> None:
     films = [("t.mp4", epuck_sim.film_trial, model) for model in ("pair", "particles")]
     for name, each, of in [("t.parquet", epuck_sim.Trace, "pair"), ("t.rrd", epuck_sim.record, "pair"), *films]:
-        with pytest.raises(ValueError, match="of seed 1, and "), each(tmp_path / name, of, 1) as seen:
+        with pytest.raises(ValueError, match="for seed 1, but "), each(tmp_path / name, of, 1) as seen:
             epuck_sim.run_trial(simulate(load_scenario(of), 2), [seen])
     assert not list(tmp_path.iterdir())
 

@@ -25,7 +25,7 @@ from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.rows import AgentBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
-from epuck_sim.scenario.loader import load_scenario, validate
+from epuck_sim.scenario.loader import load_of_model, validate
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
@@ -89,7 +89,7 @@ def film_trial(path: Path | str, scenario: Scenario | str | Path | Mapping[str, 
         FilmError: Its camera cannot see the arena, its space is a cube, or the name does not end in .mp4.
         EpuckSimError: The file cannot be written.
     """
-    scenario = load_scenario(scenario)
+    scenario = load_of_model(scenario, Scenario, "any")
     if isinstance(scenario, ParticleScenario):
         yield from _film_agents(Path(path), scenario, seed)
         return

@@ -20,7 +20,7 @@ from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
 from epuck_sim.recording.rrd_file import rrd_file, static_chunk, strict_mode
 from epuck_sim.recording.series import Texts, recorded_fields, static_time_series, time_series
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.scenario.loader import load_of_model, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialState
@@ -58,7 +58,7 @@ def record(
     """
     if level not in list(Level):
         raise RecordingError(f"level is {level!r}; allowed: {', '.join(Level)}")
-    level, scenario = Level(level), load_scenario(scenario)  # with every default written out
+    level, scenario = Level(level), load_of_model(scenario, Scenario, "any")  # with every default written out
     memory = recorded_fields(scenario, level, memory)
     layout = layout_file(arrangement_of(scenario, level, memory))
     with rrd_file(Path(path), _recording_id(scenario, seed, level, memory), layout) as write:
