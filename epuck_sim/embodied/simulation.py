@@ -8,7 +8,6 @@ import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -39,7 +38,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after
 from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.robot_kind import cell_cm, sensor_parameters
 from epuck_sim.scenario.robots import resolve_parameters
-from epuck_sim.scenario.scenario import Scenario, seed_of_trial
+from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.user_files import Value
 from epuck_sim.util.machine import lack_of_memory
 from epuck_sim.util.messages import whole
@@ -93,7 +92,7 @@ class Simulation:
 
     def __init__(
         self,
-        scenario: Scenario | str | Path | Mapping[str, Any],
+        scenario: ScenarioLike,
         seed: int | None = None,
         *,
         interpret: bool = False,

@@ -13,10 +13,11 @@ import numpy.typing as npt
 from pettingzoo import ParallelEnv
 
 from epuck_sim.arrays import Float32Array
-from epuck_sim.environments.vector import ScenarioLike, SwarmVectorEnv, Task, vector_env
+from epuck_sim.environments.vector import SwarmVectorEnv, Task, vector_env
 from epuck_sim.errors import ScenarioError
 from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.render import ArenaView
+from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.util.messages import whole
 
 ROBOT_ENV = "epuck_sim/Robot-v0"  # name of the environment of one robot for `gymnasium.make`

@@ -4,7 +4,7 @@ Observations and actions are numbers of a size that suits networks. Compiled cod
 call, or in one call for each thread.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
@@ -24,12 +24,11 @@ from epuck_sim.embodied.swarm import PIXELS
 from epuck_sim.environments.rewards import NO_PHASES, Situation, SituationFunction, find_reward, order_of, synchrony
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.messages import whole
 from epuck_sim.util.seeds import trial_seed
 
-ScenarioLike = Scenario | str | Path | Mapping[str, Any]  # what `load_scenario` takes
 Actions = Literal["continuous", "discrete"]  # form of actions: speeds, or numbers of motions
 
 MOTIONS = np.array([(0.0, 0.0), (1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (0.5, 1.0), (1.0, 0.5)])
@@ -317,14 +316,15 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 done.result()
         self._begin(np.flatnonzero(resting).tolist())
         situation = self.look()
-        told = self._observe(situation), self._infos(situation)  # before users' functions change the arrays they get
+        # before users' functions change the arrays they get
+        observations, infos = self._observe(situation), self._infos(situation)
         terminated = self._ends(situation) & ~resting
         rewards = _for_each_robot(self._reward(situation), situation)[:, self.spaces.chosen]
         truncated = (self._numbers >= self._last_step) & ~resting
         self._is_over = terminated | truncated
         flags = np.repeat(terminated, self.agents), np.repeat(truncated, self.agents)
         rewards = np.where(resting[:, None], 0.0, rewards)
-        return told[0], rewards.ravel(), *flags, told[1]
+        return observations, rewards.ravel(), *flags, infos
 
     def _ends(self, situation: Situation) -> BoolArray:
         """Return (swarms,) whether the user's condition ends each swarm's episode."""

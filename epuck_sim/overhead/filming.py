@@ -3,7 +3,7 @@
 import math
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +29,7 @@ from epuck_sim.scenario.loader import load_of_model, validate
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
-from epuck_sim.scenario.scenario import Scenario, require_model
+from epuck_sim.scenario.scenario import Scenario, ScenarioLike, require_model
 from epuck_sim.trial.result import Observer
 from epuck_sim.util.machine import lack_of_memory
 from epuck_sim.util.provenance import versions
@@ -66,7 +66,7 @@ class TrialFilm:
 
 
 @contextmanager
-def film_trial(path: Path | str, scenario: Scenario | str | Path | Mapping[str, Any], seed: int) -> Iterator[TrialFilm]:
+def film_trial(path: Path | str, scenario: ScenarioLike, seed: int) -> Iterator[TrialFilm]:
     """Yield an observer for `run_trial` that films a trial with the overhead camera of its scenario while it runs.
 
     Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
@@ -89,7 +89,7 @@ def film_trial(path: Path | str, scenario: Scenario | str | Path | Mapping[str, 
         FilmError: Its camera cannot see the arena, its space is a cube, or the name does not end in .mp4.
         EpuckSimError: The file cannot be written.
     """
-    scenario = load_of_model(scenario, Scenario, "any")
+    scenario = load_of_model(scenario, Scenario)
     if isinstance(scenario, ParticleScenario):
         yield from _film_agents(Path(path), scenario, seed)
         return

@@ -10,10 +10,9 @@ heading in rad, radius and height of the body, and of the ring, in cm. `boxes` a
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -29,7 +28,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.loader import load_of_model, with_values
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.util.jit import jit
 
 COLOUR_LEVELS = (900.0, 130.0, 120.0)
@@ -201,7 +200,7 @@ class ArenaView:
 
     def __init__(
         self,
-        scenario: Scenario | str | Path | Mapping[str, Any],
+        scenario: ScenarioLike,
         width_px: int | None = None,
         height_px: int | None = None,
     ) -> None:

@@ -1,9 +1,8 @@
 """Simulation of point-like agents, from one event to the next (thesis chapters 3 and 5)."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from copy import copy
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TimedEntries, TrialEvent
 from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
-from epuck_sim.scenario.scenario import Scenario, seed_of_trial
+from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import whole
 from epuck_sim.util.native import compile_kernel
@@ -81,7 +80,7 @@ class ParticleSimulation:
     events: list[TrialEvent]
     """Entries of the schedule that were carried out, in order."""
 
-    def __init__(self, scenario: Scenario | str | Path | Mapping[str, Any], seed: int | None = None) -> None:
+    def __init__(self, scenario: ScenarioLike, seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.
 
         Args:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from itertools import chain
@@ -22,7 +22,7 @@ from epuck_sim.recording.series import Texts, recorded_fields, static_time_serie
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_of_model, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import Scenario, ScenarioLike
 from epuck_sim.trial.result import TrialState
 from epuck_sim.util.provenance import versions
 
@@ -36,7 +36,7 @@ TRIAL, OUTCOME = "trial", "outcome"  # names of the properties that describe the
 @contextmanager
 def record(
     path: Path | str,
-    scenario: Scenario | str | Path | Mapping[str, Any],
+    scenario: ScenarioLike,
     seed: int,
     level: Level | str = Level.FULL,
     *,
@@ -58,7 +58,7 @@ def record(
     """
     if level not in list(Level):
         raise RecordingError(f"level is {level!r}; allowed: {', '.join(Level)}")
-    level, scenario = Level(level), load_of_model(scenario, Scenario, "any")  # with every default written out
+    level, scenario = Level(level), load_of_model(scenario, Scenario)  # with every default written out
     memory = recorded_fields(scenario, level, memory)
     layout = layout_file(arrangement_of(scenario, level, memory))
     with rrd_file(Path(path), _recording_id(scenario, seed, level, memory), layout) as write:

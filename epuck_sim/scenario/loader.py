@@ -23,7 +23,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_curve
 from epuck_sim.scenario.robot_kind import ROBOT, are_groups, with_robots
 from epuck_sim.scenario.robots import replace_controllers, share_parameters
-from epuck_sim.scenario.scenario import AnyScenario, Scenario, require_model
+from epuck_sim.scenario.scenario import AnyScenario, Scenario, ScenarioLike, require_model
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
@@ -100,7 +100,7 @@ def load_scenario(
 
 
 def load_scenario(
-    source: Scenario | str | Path | Mapping[str, Any],
+    source: ScenarioLike,
     settings: Sequence[str] = (),
     axes: Sequence[str] = (),
     *,
@@ -296,7 +296,7 @@ def _swept(given: Mapping[str, Any]) -> Iterator[tuple[Any, Sequence[Any]]]:
             yield key, values if isinstance(values, list | tuple) else [values]
 
 
-def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, Path | None]:
+def _read(source: ScenarioLike) -> tuple[dict[str, Any], str, Path | None]:
     """Return the keys of a scenario, the origin for messages about it, and the folder of its file."""
     if isinstance(source, Scenario):
         return source.model_dump(mode="json"), source.name, None
@@ -359,9 +359,7 @@ def write_scenario(scenario: Scenario) -> str:
     return write_yaml(scenario.model_dump(mode="json"))
 
 
-def load_of_model(
-    scenario: Scenario | str | Path | Mapping[str, Any], kind: type[AnyScenario], why: str
-) -> AnyScenario:
+def load_of_model(scenario: ScenarioLike, kind: type[AnyScenario], why: str = "") -> AnyScenario:
     """Return a scenario, or what `load_scenario` takes, which must be of class `kind`."""
     return require_model(load_scenario(scenario), kind, why)
 
@@ -411,7 +409,7 @@ class Point(NamedTuple):
         return point_seed(self.scenario.seed, self.key, trial)
 
 
-def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, ...]:
+def points(scenario: ScenarioLike) -> tuple[Point, ...]:
     """Return the points of a scenario's sweep, in order; a scenario without a sweep is one point without axes.
 
     Args:

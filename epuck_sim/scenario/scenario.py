@@ -332,6 +332,7 @@ class Scenario(ConfigModel):
 
 
 AnyScenario = TypeVar("AnyScenario", bound=Scenario)
+ScenarioLike = Scenario | str | Path | Mapping[str, Any]  # what `load_scenario` takes
 
 
 def require_model(scenario: Scenario, kind: type[AnyScenario], why: str, origin: str | None = None) -> AnyScenario:

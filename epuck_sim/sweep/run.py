@@ -1,18 +1,18 @@
 """Run a sweep from its scenario into its run folder: missing trials are run, and stored as they end."""
 
 import heapq
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from itertools import repeat, starmap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import FinishedTrials
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Outcome, Store
 from epuck_sim.scenario.loader import Point, load_scenario, points
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.sweep.demand import check_sweep
 from epuck_sim.sweep.scheduler import OpenPool, TaskQueue, local_pool, schedule
 from epuck_sim.sweep.worker import Task, step_limit_s
@@ -36,7 +36,7 @@ class SweepProgress(NamedTuple):
 
 
 def run_sweep(
-    scenario: Scenario | str | Path | Mapping[str, Any],
+    scenario: ScenarioLike,
     folder: Path | str,
     open_pool: OpenPool = local_pool,
     observer: Callable[[SweepProgress], None] = lambda _: None,

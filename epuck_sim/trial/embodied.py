@@ -2,8 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.order_parameter import METRICS, Firing, from_reference, reference_order_parameter
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
 
@@ -204,7 +203,7 @@ def start_poses(scenario: EmbodiedScenario, seeds: Iterable[int]) -> FloatArray:
     return np.array(poses)
 
 
-def start_like(robots: Scenario | str | Path | Mapping[str, Any], seed: int) -> dict[str, Any]:
+def start_like(robots: ScenarioLike, seed: int) -> dict[str, Any]:
     """Return the section `start` of point agents that start like the robots of a trial.
 
     Args:

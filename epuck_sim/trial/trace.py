@@ -5,7 +5,7 @@ appears under its name only when it is complete; its metadata holds the scenario
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -21,7 +21,7 @@ from epuck_sim.embodied.step import Step, check_fields, field_values, reading_fi
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_of_model, write_scenario
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.provenance import versions
@@ -38,7 +38,7 @@ class Trace:
     def __init__(
         self,
         path: Path | str,
-        scenario: Scenario | str | Path | Mapping[str, Any],
+        scenario: ScenarioLike,
         seed: int,
         *,
         memory: Sequence[str] = (),
