@@ -34,9 +34,13 @@ SPEED_POINTS = 11  # speeds of the curve of T_sync
 MOST_FREEDOM = 300  # degrees of freedom up to which a page knows Student's distribution
 
 HELP = (
-    "Space plays, . takes a step, R begins again, N takes the next seed. Click {one} to see what it knows, drag it, or "
-    "choose with the arrow keys."
+    "Colours show phases, red marks flashes, and {lines}. Space plays, . takes a step, R begins again, N takes the next "
+    "seed. Click {one} to see what it knows, drag it, or choose with the arrow keys."
 )
+LINES: dict[Model, str] = {
+    "embodied": "lines lead to robots that see them; fans show where cameras look, not how far",
+    "particles": "lines lead to their receivers",
+}
 
 
 def write_page(
@@ -97,8 +101,9 @@ def make_page(
         "TITLE": escape(f"{scenario.name}: a swarm to play with"),
         "NAME": escape(scenario.name),
         "DESCRIPTION": escape(scenario.description),
-        "HELP": HELP.format(one=f"an {one}" if one == "agent" else f"a {one}"),
+        "HELP": HELP.format(lines=LINES[model], one=f"an {one}" if one == "agent" else f"a {one}"),
         "ONE": one,
+        "REFERENCE": f"{one} {data['facts'].get('reference', 0)}",
         "SWEEP": "" if data["speed"] else "hidden",
         "GIVEN": escape(data["given"]),
         "COMMAND": "" if source else "hidden",

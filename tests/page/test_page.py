@@ -342,7 +342,33 @@ def test_rings_that_are_switched_off_are_lit_again_in_the_next_trial_and_are_nam
     assert 2 in browser.run("page.flashes.map(([, robot]) => robot)")
     assert browser.run(f"{press}.textContent") == "Switch its ring off"
     (end,) = ended(load_scenario("thesis"), range(1))
-    assert browser.run("find('banner').textContent") == f"Synchronised: T_sync is {end[0]} cycles"
+    assert browser.run("find('banner').textContent") == f"Synchronised: T_sync is {end[0]} cycles. Play to go on"
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["particles", "thesis"])
+def test_play_goes_on_beyond_synchrony_where_all_flash_together(opened, name: str) -> None:
+    browser = opened(name)
+    browser.run("page.advance(1e9)")
+    said, cycles = browser.run("[find('banner').textContent, page.swarm.cycles]")
+    assert said == f"Synchronised: T_sync is {cycles} cycles. Play to go on"
+    browser.run("page.toggle(); page.flashes = []; page.advance(6 * page.swarm.period_s)")
+    assert cycles + 4 <= browser.run("page.swarm.cycles") <= cycles + 9
+    assert len({who for _, who in browser.run("page.flashes")}) == browser.run("page.swarm.count")
+    assert browser.run("find('banner').textContent") == said
+    browser.run("page.begin()")
+    assert browser.run("[page.swarm.cycles, page.swarm.goes_on, find('banner').textContent]") == [0, False, ""]
+
+
+@needs_browser
+def test_trials_that_are_censored_are_told_from_those_that_are_not(opened) -> None:
+    browser = opened("particles", ["stop.max_cycles=60", "agents.speed_cm_s=1"])
+    browser.run("page.sweep()")
+    rows = browser.run("[...document.querySelectorAll('#table tbody tr')].map((row) => row.innerText.split('\\t'))")
+    assert {mean == "\u2013" for _, mean, _, censored in rows if censored == "30"} == {True}
+    assert {censored for *_, censored in rows} > {"30"}
+    browser.run("page.hundred()")
+    assert "restricted mean" in browser.run("find('histogram').ariaLabel")
 
 
 WALK = "agents.walk={kind: levy, run_s: 0.5, exponent: 2}"

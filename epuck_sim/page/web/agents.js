@@ -153,6 +153,12 @@ class Agents {
     this.end_s = Math.min(longest, max_time_s ?? Infinity);
     this.is_timed = this.end_s === max_time_s;
     this.end = this.is_timed ? this.moment(this.end_s) : [2 * max_cycles, 0];
+    this.has_ended = this.goes_on = false;
+  }
+
+  /** Simulate beyond synchrony. */
+  go_on() {
+    this.goes_on = true;
     this.has_ended = false;
   }
 
@@ -236,7 +242,7 @@ class Agents {
         return;
       }
       for (const agent of this.array("fired", Uint32Array).subarray(0, this.get("fired"))) tell(this.time_s, agent);
-      this.has_ended = this.is_synchronised || this.cycles >= this.max_cycles;
+      this.has_ended = (this.is_synchronised && !this.goes_on) || this.cycles >= this.max_cycles;
     }
   }
 

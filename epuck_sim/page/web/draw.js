@@ -4,6 +4,9 @@
 /** @typedef {{fill?: string, stroke?: string, width?: number, alpha?: number, align?: CanvasTextAlign, size?: number, dash?: number}} Style */
 /** @typedef {{[name: string]: string}} Colours */
 
+/** Largest radius, in pixels, of robots and agents without their numbers. */
+const MOST_SMALL = 9;
+
 /** Draws on a canvas, as sharp as the screen. */
 class CanvasPen {
   /** @param {HTMLCanvasElement} canvas */
@@ -74,6 +77,11 @@ class SvgPen {
     this.parts.push(`<path d="M ${line}${closed ? " Z" : ""}" ${SvgPen.paint(style)}/>`);
   }
 
+  /** @param {number} x @param {number} y @param {string} words @param {Style} style */
+  text(x, y, words, { fill = "", size = 11 }) {
+    this.parts.push(`<text x="${x.toFixed(2)}" y="${(y + 0.35 * size).toFixed(2)}" fill="${fill}" font-size="${size}" font-family="sans-serif" text-anchor="middle">${words}</text>`);
+  }
+
   get svg() {
     const { width, height } = this;
     return `<svg xmlns="http://www.w3.org/2000/svg" width="${width}" height="${height}" viewBox="0 0 ${width} ${height}">${this.parts.join("\n")}</svg>\n`;
@@ -83,13 +91,13 @@ class SvgPen {
 /** Return the present colours of the page, light or dark. @returns {Colours} */
 function colours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["paper", "ink", "faint", "rule", "box", "floor", "amber", "glow", "deep", "light"];
+  const names = ["paper", "ink", "faint", "rule", "box", "floor", "amber", "lit", "deep", "light"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
 /** Return the colour of a phase, from 0 to 1 round the circle of colours; grey if there is no phase. @param {number} phase @param {Colours} colour */
 function phaseColour(phase, colour) {
-  return Number.isNaN(phase) ? colour.faint : `hsl(${(40 + 360 * phase) % 360}, 58%, ${colour.light})`;
+  return Number.isNaN(phase) ? colour.faint : `hsl(${(5 + 360 * phase) % 360}, 58%, ${colour.light})`;
 }
 
 /** @typedef {{width: number, height: number, floor: number[][], circles: number[][], polygons: number[][][], lamps: number[][], radii: Float64Array | null}} Place the arena, cm; points have no radii; boxes of the floor are in shares of its sides */
@@ -119,18 +127,20 @@ function drawArena(pen, place, shown, colour) {
     pen.path([at(picture.x[robot], picture.y[robot]), ...points], { fill: colour.deep, alpha: robot === chosen ? 0.2 : 0.07 }, true);
   }
   for (const [from, to, alpha] of links)
-    pen.path([at(picture.x[from], picture.y[from]), at(picture.x[to], picture.y[to])], { stroke: colour.glow, width: 1.5, alpha });
+    pen.path([at(picture.x[from], picture.y[from]), at(picture.x[to], picture.y[to])], { stroke: colour.lit, width: 2, alpha });
   const size = place.radii ? scale * Math.max(...place.radii) : Math.min(9, Math.max(3.5, pen.width / (12 * Math.sqrt(picture.x.length) + 30)));
   const sizeOf = (/** @type {number} */ agent) => (place.radii ? scale * place.radii[agent] : size);
   const isLit = (/** @type {number} */ agent) => (picture.is_lit ? picture.is_lit[agent] === 1 : glow[agent] > 0.4);
   glow.forEach((light, agent) => {
     const reach = sizeOf(agent) * (1.35 + (place.radii ? 0.6 : 2) * light);
-    if (light > 0.02 || isLit(agent)) pen.circle(...pair(at(picture.x[agent], picture.y[agent])), reach, { fill: colour.glow, alpha: 0.16 + 0.3 * light });
+    if (light > 0.15 || isLit(agent)) pen.circle(...pair(at(picture.x[agent], picture.y[agent])), reach, { fill: colour.lit, alpha: 0.2 + 0.3 * light });
   });
   for (let agent = 0; agent < picture.x.length; agent++) {
     const [x, y] = at(picture.x[agent], picture.y[agent]), heading = picture.heading[agent], wide = sizeOf(agent);
-    pen.circle(x, y, wide, { fill: phaseColour(picture.phases[agent], colour), stroke: isLit(agent) ? colour.glow : colour.ink, width: isLit(agent) ? 3 : 1 });
-    pen.path([[x, y], [x + wide * Math.cos(heading), y - wide * Math.sin(heading)]], { stroke: colour.ink, width: Math.max(1, wide / 6) });
+    pen.circle(x, y, wide, { fill: phaseColour(picture.phases[agent], colour), stroke: isLit(agent) ? colour.lit : colour.ink, width: isLit(agent) ? 3 : 1 });
+    const inner = wide > MOST_SMALL ? 0.6 * wide : 0, ends = [inner, wide].map((far) => [x + far * Math.cos(heading), y - far * Math.sin(heading)]);
+    pen.path(ends, { stroke: colour.ink, width: Math.max(1, wide / 6) });
+    if (inner) pen.text(x, y, `${agent}`, { fill: "#1d2126", size: 0.65 * wide });
     if (agent === chosen) pen.circle(x, y, wide + 4, { stroke: colour.deep, width: 2 });
   }
   return { scale, left, low, size };
@@ -170,7 +180,7 @@ function logTicks(low, high) {
 /** Draw axes; return functions that place values, and the box. */
 /** @param {CanvasPen} pen @param {{x: number[], y: number[], log?: boolean, xLabel?: string, yLabel?: string, bare?: boolean}} axes @param {Colours} colour */
 function drawAxes(pen, { x, y, log = false, xLabel = "", yLabel = "", bare = false }, colour) {
-  const box = { left: bare ? 8 : 42, right: pen.width - 14, top: yLabel ? 20 : 8, low: pen.height - (xLabel ? 36 : 20) };
+  const box = { left: bare ? 20 : 42, right: pen.width - 14, top: yLabel ? 20 : 8, low: pen.height - (xLabel ? 36 : 20) };
   const part = (/** @type {number} */ value, /** @type {number[]} */ [low, high]) => (log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low));
   const placeX = (/** @type {number} */ value) => box.left + part(value, x) * (box.right - box.left);
   const placeY = (/** @type {number} */ value) => box.low - part(value, y) * (box.low - box.top);
@@ -201,9 +211,10 @@ function drawOrders(pen, orders, least, threshold, colour) {
 /** Draw the flashes of agents against time. @param {CanvasPen} pen @param {number[][]} flashes time and agent @param {number} count @param {number[]} times @param {number} chosen @param {Colours} colour */
 function drawFlashes(pen, flashes, count, times, chosen, colour) {
   const { placeX, placeY, left, right } = drawAxes(pen, { x: times, y: [count, 0], bare: true }, colour), high = Math.max(1.5, Math.min(14, (pen.height - 28) / count) - 1);
+  if (high > MOST_SMALL) for (let agent = 0; agent < count; agent++) pen.text(2, placeY(agent + 0.5), `${agent}`, { fill: colour.faint, align: "left" });
   if (chosen >= 0) pen.path([[left, placeY(chosen + 0.5)], [right, placeY(chosen + 0.5)]], { stroke: colour.rule, width: high });
   for (const [time, agent] of flashes)
-    if (time >= times[0]) pen.path([[placeX(time), placeY(agent + 0.5) - high / 2], [placeX(time), placeY(agent + 0.5) + high / 2]], { stroke: agent === chosen ? colour.deep : colour.amber, width: 2 });
+    if (time >= times[0]) pen.path([[placeX(time), placeY(agent + 0.5) - high / 2], [placeX(time), placeY(agent + 0.5) + high / 2]], { stroke: agent === chosen ? colour.deep : colour.lit, width: 2 });
 }
 
 /** Draw phases on a circle, 0 at the top, and their mean. @param {CanvasPen} pen @param {Float64Array} phases @param {Colours} colour */
@@ -243,7 +254,7 @@ function drawHistogram(pen, results, found, colour) {
   pen.path([[placeX(found.mean), top], [placeX(found.mean), low]], { stroke: colour.deep, width: 1.5, dash: 4 });
 }
 
-/** Draw T_sync against the speed, with intervals. @param {CanvasPen} pen @param {{speed: number, mean: number, low: number, high: number}[]} points @param {number} now @param {Colours} colour */
+/** Draw T_sync against the speed: hollow points if trials are censored, crosses if all are. @param {CanvasPen} pen @param {{speed: number, mean: number, low: number, high: number, censored: number}[]} points @param {number} now @param {Colours} colour */
 function drawCurve(pen, points, now, colour) {
   const speeds = points.map((each) => each.speed), known = points.filter((each) => each.mean > 0);
   const values = known.flatMap((each) => [each.mean, each.low, each.high]).filter((value) => value > 0 && Number.isFinite(value));
@@ -251,9 +262,13 @@ function drawCurve(pen, points, now, colour) {
   const axes = { x: [speeds[0] / 1.15, speeds[speeds.length - 1] * 1.15], y, log: true, xLabel: "speed in cm/s", yLabel: "mean T_sync in cycles" };
   const { placeX, placeY, low, top } = drawAxes(pen, axes, colour);
   if (now >= axes.x[0] && now <= axes.x[1]) pen.path([[placeX(now), top], [placeX(now), low]], { stroke: colour.rule, width: 5 });
-  pen.path(known.map((each) => [placeX(each.speed), placeY(each.mean)]), { stroke: colour.deep, width: 1.5 });
+  points.forEach((each, number) => {
+    const ends = [points[number - 1] ?? each, each].map(({ speed, mean }) => [placeX(speed), placeY(mean)]), x = placeX(each.speed);
+    if (ends.flat().every(Number.isFinite)) pen.path(ends, { stroke: colour.deep, width: 1.5 });
+    else if (each.censored) for (const turn of [-4, 4]) pen.path([[x - 4, top + 4 - turn], [x + 4, top + 4 + turn]], { stroke: colour.amber, width: 2 });
+  });
   for (const each of known) {
     if (each.low) pen.path([each.low, each.high].map((end) => [placeX(each.speed), placeY(end)]), { stroke: colour.deep, width: 1.5 });
-    pen.circle(placeX(each.speed), placeY(each.mean), 4, { fill: colour.amber, stroke: colour.box, width: 1 });
+    pen.circle(placeX(each.speed), placeY(each.mean), 4, { fill: each.censored ? colour.box : colour.amber, stroke: colour.amber, width: 1.5 });
   }
 }

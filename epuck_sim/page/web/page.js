@@ -9,8 +9,8 @@ const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const RASTER_PERIODS = 12;
 /** Cycles after which trials at further speeds are censored: some slow swarms would never end. */
 const SWEEP_CYCLES = 2000;
-/** Time in which the glow of a flash fades, ms. */
-const FADE_MS = 350;
+/** Shortest and longest time in which the glow of a flash fades, ms; a tenth of the period in between. */
+const FADES_MS = [50, 350];
 /** Largest number of agents for which links are drawn. */
 const MOST_LINKED = 200;
 /** Note on figures of trials with other settings, or another seed, than the present ones. */
@@ -73,6 +73,7 @@ class Page {
     this.links = /** @type {Map<string, number[]>} */ (new Map());
     this.glow = new Float64Array(this.swarm.count);
     this.is_touched = false;
+    find("copied").textContent = "The command runs the same trial, with the same T_sync.";
     if (this.chosen >= this.swarm.count) this.chosen = -1;
     this.say("");
     this.show_one();
@@ -132,10 +133,11 @@ class Page {
   }
 
   end() {
-    const { cycles, is_synchronised } = this.swarm.finish();
     this.play(false);
+    if (this.swarm.goes_on) return;
+    const { cycles, is_synchronised } = this.swarm.finish();
     const said = !this.has_t_sync ? `Ended after ${this.swarm.time_s.toFixed(1)} s`
-      : is_synchronised ? `Synchronised: T_sync is ${cycles} cycles` : `Not synchronised within ${cycles} cycles`;
+      : is_synchronised ? `Synchronised: T_sync is ${cycles} cycles. Play to go on` : `Not synchronised within ${cycles} cycles`;
     this.say(`${said}${this.is_touched ? ", in a trial that you have changed" : ""}`);
   }
 
@@ -152,8 +154,9 @@ class Page {
     this.drawn = now;
     try {
       if (this.is_playing) this.advance((past / 1000) * this.rate, performance.now() + PICTURE_MS);
-      this.glow.forEach((light, agent) => (this.glow[agent] = light * Math.exp(-past / FADE_MS)));
-      for (const [key, link] of this.links) (link[2] *= Math.exp(-past / FADE_MS)) < 0.05 && this.links.delete(key);
+      const faded = Math.exp(-past / Math.min(Math.max((100 * this.swarm.period_s) / this.rate, FADES_MS[0]), FADES_MS[1]));
+      this.glow.forEach((light, agent) => (this.glow[agent] = light * faded));
+      for (const [key, link] of this.links) (link[2] *= faded) < 0.05 && this.links.delete(key);
       this.draw();
     } catch (error) {
       complain(error);
@@ -227,7 +230,7 @@ class Page {
     }
     const eye = new CanvasPen(find("eye")), pixels = swarm.camera(chosen), wide = eye.width / pixels.length;
     pixels.forEach((/** @type {number} */ lit, /** @type {number} */ each) =>
-      eye.path([[each * wide, 0], [(each + 1) * wide, 0], [(each + 1) * wide, eye.height], [each * wide, eye.height]], { fill: lit ? colour.glow : colour.floor, stroke: colour.rule, width: 0.5 }, true));
+      eye.path([[each * wide, 0], [(each + 1) * wide, 0], [(each + 1) * wide, eye.height], [each * wide, eye.height]], { fill: lit ? colour.lit : colour.floor, stroke: colour.rule, width: 0.5 }, true));
     const bars = new CanvasPen(find("bars")), step = bars.width / 8;
     swarm.infrared(chosen).forEach((/** @type {number} */ counts, /** @type {number} */ each) => {
       const high = Math.sqrt(Math.max(0, Math.min(1, counts / 3500))) * (bars.height - 18), low = bars.height - 16;
@@ -264,6 +267,7 @@ class Page {
   touch(what) {
     what();
     this.is_touched = true;
+    find("copied").textContent = "The command runs this trial without what you have changed by hand.";
     this.seen = this.swarm.look();
   }
 
@@ -419,9 +423,9 @@ class Page {
     this.play(false);
     const { values } = this;
     await this.run([values], 100, ([results]) => {
-      const found = estimate(results, values["stop.max_cycles"], this.data.student), censored = results.filter((each) => !each.is_synchronised).length;
+      const found = estimate(results, values["stop.max_cycles"], this.data.student), censored = countCensored(results);
       const interval = found.low ? ` (95 % interval ${rounded(found.low)} to ${rounded(found.high)})` : "";
-      const said = `${results.length} trials: mean T_sync ${found.mean ? `${rounded(found.mean)} cycles${interval}` : "not known"}, ${censored} censored.`;
+      const said = `${results.length} trials: ${censored ? "restricted " : ""}mean T_sync ${found.mean ? `${rounded(found.mean)} cycles${interval}` : "not known"}, ${censored} censored.`;
       this.caption("histogram", said);
       this.redraw = () => drawHistogram(new CanvasPen(find("histogram")), results, found, colours());
       this.redraw();
@@ -434,12 +438,12 @@ class Page {
     const { key, stops } = this.data.speed, limit = Math.min(this.values["stop.max_cycles"], SWEEP_CYCLES), { max_time_s } = this.data.facts;
     const points = stops.map((/** @type {number} */ speed) => ({ ...this.values, [key]: speed, "stop.max_cycles": limit }));
     await this.run(points, 30, (results) => {
-      const curve = stops.map((/** @type {number} */ speed, /** @type {number} */ each) => ({ speed, ...estimate(results[each], limit, this.data.student) }));
-      this.caption("curve", `${this.results.length} of ${30 * stops.length} trials, 30 at each speed, censored after ${limit} cycles${max_time_s === null ? "" : ` or ${max_time_s} s`}; bars are 95 % intervals.`);
+      const curve = stops.map((/** @type {number} */ speed, /** @type {number} */ each) => ({ speed, censored: countCensored(results[each]), ...estimate(results[each], limit, this.data.student) }));
+      this.caption("curve", `${this.results.length} of ${30 * stops.length} trials, 30 at each speed, censored after ${limit} cycles${max_time_s === null ? "" : ` or ${max_time_s} s`}; bars are 95 % intervals. Hollow: some are censored, and the mean is restricted to that limit; crosses: all are.`);
       this.recurve = () => drawCurve(new CanvasPen(find("curve")), curve, this.values[key], colours());
       this.recurve();
-      const table = curve.map((/** @type {any} */ each) => `<tr><td class="number">${each.speed}</td><td class="number">${each.mean ? rounded(each.mean) : "–"}</td><td>${each.low ? `${rounded(each.low)} to ${rounded(each.high)}` : "–"}</td></tr>`);
-      find("table").innerHTML = `<table><thead><tr><th scope="col">cm/s</th><th scope="col">mean T_sync, cycles</th><th scope="col">95 % interval</th></tr></thead><tbody>${table.join("")}</tbody></table>`;
+      const table = curve.map((/** @type {any} */ each) => `<tr><td class="number">${each.speed}</td><td class="number">${each.mean ? rounded(each.mean) : "–"}</td><td>${each.low ? `${rounded(each.low)} to ${rounded(each.high)}` : "–"}</td><td class="number">${each.censored}</td></tr>`);
+      find("table").innerHTML = `<table><thead><tr><th scope="col">cm/s</th><th scope="col">mean T_sync, cycles</th><th scope="col">95 % interval</th><th scope="col">censored</th></tr></thead><tbody>${table.join("")}</tbody></table>`;
       find("table").hidden = false;
     });
   }
@@ -454,7 +458,8 @@ class Page {
   }
 
   toggle() {
-    if (this.swarm.has_ended) this.begin();
+    if (this.swarm.has_ended && this.swarm.is_synchronised && !this.swarm.goes_on) this.swarm.go_on();
+    else if (this.swarm.has_ended) this.begin();
     this.play(!this.is_playing);
   }
 
@@ -594,6 +599,11 @@ class Page {
 /** @param {string} name @param {string} text @param {string} kind of class @returns {any} */
 function tag(name, text, kind = "") {
   return Object.assign(document.createElement(name), { textContent: text, className: kind });
+}
+
+/** @param {Result[]} results */
+function countCensored(results) {
+  return results.filter((each) => !each.is_synchronised).length;
 }
 
 /** Make the browser save a file. @param {string} name @param {string} text */

@@ -186,6 +186,7 @@ class Robots {
     this.order = null;
     /** @type {number[] | null} of synchrony: cycles and order parameter */
     this.synchrony = null;
+    this.goes_on = false;
     this.now_s = 0;
     /** @type {Float64Array} */
     this.before = this.poses();
@@ -240,7 +241,12 @@ class Robots {
 
   get has_ended() {
     if (this.cycles >= this.max_cycles || this.steps >= this.max_steps) return true;
-    return this.synchrony !== null && this.cycles >= this.synchrony[0] + this.facts.further_cycles;
+    return !this.goes_on && this.synchrony !== null && this.cycles >= this.synchrony[0] + this.facts.further_cycles;
+  }
+
+  /** Simulate beyond synchrony. */
+  go_on() {
+    this.goes_on = true;
   }
 
   get time_s() {
