@@ -34,8 +34,8 @@ SPEED_POINTS = 11  # speeds of the curve of T_sync
 MOST_FREEDOM = 300  # degrees of freedom up to which a page knows Student's distribution
 
 HELP = (
-    "Colours show phases, red marks flashes, and {lines}. Space plays, . takes a step, R begins again, N takes the next "
-    "seed. Click {one} to see what it knows, drag it, or choose with the arrow keys."
+    "Colours show phases, red marks flashes, and {lines}. Space plays, . takes a step, R begins again, N takes the "
+    "next seed. Click {one} to see what it knows, drag it, or choose with the arrow keys."
 )
 LINES: dict[Model, str] = {
     "embodied": "lines lead to robots that see them; fans show where cameras look, not how far",

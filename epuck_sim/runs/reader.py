@@ -141,7 +141,7 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
                     measured=tuple((each or {}).get(of) for each in values),
                     of=of,
                     events=tuple(tuple(map(_event, each or ())) for each in events),
-                    has_t_sync=read.stop.order_parameter is not None and not (censored == NULL).any(),
+                    has_t_sync=read.stop.has_t_sync and not (censored == NULL).any(),
                 )
             )
     return results

@@ -59,12 +59,12 @@ class Condition(ConfigModel):
 class StopSection(ConfigModel):
     """When a trial ends."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("when",)
+    later_keys: ClassVar[tuple[str, ...]] = ("when", "gives_t_sync")
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
     """The swarm is synchronised once the order parameter reaches this value at a firing of the reference.
 
-    If it is null, trials have no T_sync and end otherwise; it is null by default where there is a condition `when`.
+    If it is null, trials end otherwise, and have no T_sync but by `gives_t_sync`; with a condition `when` it is null.
     """
     metric: Literal["complex", "reference"] = "complex"
     """`complex`: eqs. 4.2 and 5.7; `reference`: eq. 3.4."""
@@ -74,6 +74,8 @@ class StopSection(ConfigModel):
     """The trial also ends after this time."""
     when: Condition | None = None
     """The trial also ends when this holds."""
+    gives_t_sync: bool = False
+    """Whether T_sync is the number of cycles until `when` holds; trials that reach their limits first are censored."""
 
     @model_validator(mode="before")
     @classmethod
@@ -86,6 +88,13 @@ class StopSection(ConfigModel):
         if self.when is not None and self.order_parameter is not None:
             shown = f"order_parameter is {self.order_parameter:g} and when is {str(self.when)!r}"
             raise ValueError(f"{shown}; give order_parameter: null, as one of them alone may end trials")
+        if self.gives_t_sync and self.when is None:
+            raise ValueError("gives_t_sync is true, but there is no condition `when`; give one")
+
+    @property
+    def has_t_sync(self) -> bool:
+        """Whether trials have a T_sync: by a threshold, if their reference oscillates, or by the condition."""
+        return self.order_parameter is not None or self.gives_t_sync
 
 
 AS = "as"

@@ -54,7 +54,7 @@ class Looks:
     def check(self, points: Sequence[Point]) -> None:
         """Raise EpuckSimError for a sweep without T_sync, with too low a limit of trials, or without the contrast."""
         scenario = points[0].scenario
-        if any(point.scenario.stop.order_parameter is None for point in points):
+        if not all(point.scenario.stop.has_t_sync for point in points):
             raise EpuckSimError("--until needs T_sync, which trials do not have: stop.order_parameter is null")
         if scenario.trials < FIRST_LOOK:
             raise EpuckSimError(

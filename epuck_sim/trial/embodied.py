@@ -128,8 +128,8 @@ class SynchronyWatch:
 
     @property
     def has_t_sync(self) -> bool:
-        """Whether the trial has a T_sync, known or censored: the reference oscillates, and there is a threshold."""
-        return self.measures and self._threshold < math.inf
+        """Whether the trial has a T_sync, known or censored: by a threshold only if the reference oscillates."""
+        return self._stop.gives_t_sync or (self.measures and self._threshold < math.inf)
 
     @property
     def is_synchronised(self) -> bool:
@@ -176,12 +176,12 @@ def run_robots(
         if watch.cycles > cycles:
             for observer in measuring.at_cycles:
                 observer(step, watch)
-    outcome = watch.outcome
+    outcome, is_known = watch.outcome, watch.is_synchronised or measuring.gives_t_sync
     return TrialResult(
         scenario=simulation.scenario.name,
         seed=simulation.seed,
-        t_sync_cycles=outcome.cycles if watch.is_synchronised else None,
-        censored=not watch.is_synchronised if watch.has_t_sync else None,
+        t_sync_cycles=outcome.cycles if is_known else None,
+        censored=not is_known if watch.has_t_sync else None,
         cycles=outcome.cycles,
         order_parameter=outcome.order_parameter,
         steps=simulation.steps,

@@ -72,11 +72,12 @@ def run_agents(
         simulation.run_to(end_s)
     # where the reference was held back until the end, no firing ended the trial
     has_order = is_early or is_timed
+    is_known = simulation.is_synchronised or measuring.gives_t_sync
     return TrialResult(
         scenario=simulation.scenario.name,
         seed=simulation.seed,
-        t_sync_cycles=simulation.cycles if simulation.is_synchronised else None,
-        censored=None if stop.order_parameter is None else not simulation.is_synchronised,
+        t_sync_cycles=simulation.cycles if is_known else None,
+        censored=not is_known if stop.has_t_sync else None,
         cycles=simulation.cycles,
         order_parameter=simulation.order_parameter if has_order else None,
         steps=simulation.instants,

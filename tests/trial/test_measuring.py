@@ -5,12 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim import MeasureError, ParticleSimulation, Simulation, load_scenario
+from epuck_sim import MeasureError, ParticleSimulation, Simulation, load_scenario, read_points, run_sweep
 from epuck_sim.embodied.loop import MOST_STEPS
 from epuck_sim.measures.measure import SHIPPED, find_measure
+from epuck_sim.statistics.statistic import estimate_mean, measure
 from epuck_sim.trial.measuring import as_value
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, TELLTALE, write
+from tests.sweep.pool_here import pool_here
 from tests.trial import without_wall
 
 SHORT = ["stop.max_cycles=6"]
@@ -323,6 +325,19 @@ def test_a_condition_on_the_order_parameter_listed_or_not_ends_trials_where_sync
         assert one.t_sync_cycles in (None, other.cycles)
         assert other.measures["order_parameter"][-1] == other.order_parameter == one.order_parameter
         assert (one.cycles, one.steps, one.simulated_s) == (other.cycles, other.steps, other.simulated_s)
+    known = [trial(model, {**when, "gives_t_sync": True, "max_cycles": cycles}) for cycles in (400, 2)]
+    assert without_measures(known[0]) == without_measures(usual[3])
+    assert (known[1].t_sync_cycles, known[1].censored, known[1].cycles) == (None, True, 2)
+
+
+def test_points_of_a_sweep_have_the_t_sync_that_a_condition_gives(tmp_path):
+    stop = ["stop={when: order_parameter >= 0.9, gives_t_sync: true, max_cycles: 200}", "trials=3"]
+    scenario = load_scenario("particles", stop, axes=["agents.count=5,10"])
+    run_sweep(scenario, tmp_path / "run", pool_here)
+    few, many = read_points(tmp_path / "run")
+    usual = load_scenario("particles", ["stop={order_parameter: 0.9, max_cycles: 200}", "trials=3", "agents.count=10"])
+    assert few.has_t_sync
+    assert estimate_mean(measure(many)).value == np.mean([run_trial(simulate(usual, s)).cycles for s in many.seeds])
 
 
 @pytest.mark.parametrize("model", KINDS)
