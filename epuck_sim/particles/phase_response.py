@@ -49,7 +49,7 @@ class Response(NamedTuple):
     @property
     def record(self) -> tuple[float, ...]:
         """Its record in the scene of a swarm: `swarm.RESPONSE`."""
-        return (*self[:6], 0.0)
+        return (*self[:-2], 0.0)
 
 
 @jit_inline

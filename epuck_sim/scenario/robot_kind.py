@@ -216,7 +216,7 @@ def as_section(robot: Any) -> Any:
 def _needs_file(section: Any) -> bool:
     """Return whether a section `robot` needs the file of its robot: not if it has all keys, as in stored scenarios."""
     named = isinstance(section, Mapping) and isinstance(section.get("kind"), str)
-    return named and not RobotKind.model_fields.keys() <= section.keys()
+    return named and not RobotKind.model_fields.keys() - set(RobotKind.later_keys) <= section.keys()
 
 
 class ProximitySection(ConfigModel):
