@@ -425,7 +425,7 @@ class Page {
     await this.run([values], 100, ([results]) => {
       const found = estimate(results, values["stop.max_cycles"], this.data.student), censored = countCensored(results);
       const interval = found.low ? ` (95 % interval ${rounded(found.low)} to ${rounded(found.high)})` : "";
-      const said = `${results.length} trials: ${censored ? "restricted " : ""}mean T_sync ${found.mean ? `${rounded(found.mean)} cycles${interval}` : "not known"}, ${censored} censored.`;
+      const said = `${results.length} trial${results.length === 1 ? "" : "s"}: ${censored ? "restricted " : ""}mean T_sync ${found.mean ? `${rounded(found.mean)} cycles${interval}` : "not known"}, ${censored} censored.`;
       this.caption("histogram", said);
       this.redraw = () => drawHistogram(new CanvasPen(find("histogram")), results, found, colours());
       this.redraw();
