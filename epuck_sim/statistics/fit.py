@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,6 +76,7 @@ class PowerLaw(NamedTuple):
     """A fitted law: a product of the parameters' terms."""
 
     exponents: dict[str, Estimate]  # exponent of each parameter that varies among the curves
+    curves: int  # number of curves in which the quantity is known
     misfit: float
     """Scatter of the curves about the law, relative to that of their noise; NaN if no degree of freedom is left.
 
@@ -99,6 +101,7 @@ class Comparison(NamedTuple):
     form: str
     exponent: Estimate
     thesis: float | None  # exponent according to the thesis; None where it names none
+    curves: int  # number of curves that the whole law is fitted to
     misfit: float  # misfit of the whole law (see `PowerLaw`)
 
 
@@ -117,7 +120,7 @@ def fit_power_law(law: Law, parameters: Parameters, values: FloatArray, resample
     (_, *exponents), unexplained = _least_squares(design, weights, list(varying), logs, log_resampled)
     surplus = len(values) - design.shape[1]
     misfit = math.sqrt(unexplained / surplus) if surplus else math.nan
-    return PowerLaw(dict(zip(varying, exponents, strict=True)), misfit)
+    return PowerLaw(dict(zip(varying, exponents, strict=True)), len(values), misfit)
 
 
 def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatArray) -> OffsetLaw:
@@ -143,7 +146,7 @@ def compare_laws(
         fit = fit_power_law(laws[name], parameters, *quantity)
         for parameter, exponent in fit.exponents.items():
             term = laws[name][parameter]
-            rows.append(Comparison(name, parameter, term.form, exponent, term.exponent, fit.misfit))
+            rows.append(Comparison(name, parameter, term.form, exponent, term.exponent, fit.curves, fit.misfit))
     return rows
 
 
@@ -213,6 +216,7 @@ class Laws(NamedTuple):
     offset_laws: dict[str, OffsetLaw]  # laws of T_m and T_p, by name
     reason: str  # why there are no laws; empty if there are
     left_out: int = 0  # number of curves with a minimum and a peak, or V_f, that differ from these in another setting
+    axes: Mapping[str, Any] = MappingProxyType({})  # folder and axes that these share, and those left out do not
 
 
 def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[FittedCurve]:
@@ -270,7 +274,13 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
         several = f"{counted(len(alike), 'curve')} with {FOUND.get(model, FOUND['embodied'])}"
         return Laws(model, len(alike), [], {}, f"{several}, none of which differ in epsilon, L, N or tau")
     offset_laws = {} if model == "particles" else _offset_laws(parameters, quantities)
-    return Laws(model, len(alike), exponents, offset_laws, "", len(found) - len(alike))
+    rows, mine = ([{"run": curve.run, **curve.axes} for curve in each] for each in (found, alike))
+    shared = {
+        key: value
+        for key, value in mine[0].items()
+        if all(row.get(key) == value for row in mine) and any(row.get(key) != value for row in rows)
+    }
+    return Laws(model, len(alike), exponents, offset_laws, "", len(found) - len(alike), shared)
 
 
 def _quantities(curves: Sequence[FittedCurve]) -> dict[str, Quantity]:
@@ -351,8 +361,9 @@ def _laws_table(laws: Laws) -> Table:
     ]
     if laws.left_out:
         several = f"{laws.left_out} curves with {FOUND.get(laws.model, FOUND['embodied'])}"
-        notes.append(f"{several} are left out: they differ in more than V, epsilon, L, N and tau.")
-    return Table(f"Scaling laws of {laws.curves} curves of {NOUNS.get(laws.model, laws.model)}", rows, notes)
+        notes.append(f"{several} differ in more than V, epsilon, L, N and tau: for their laws, sweep them alone.")
+    title = f"Scaling laws of {laws.curves} curves of {NOUNS.get(laws.model, laws.model)}"
+    return Table(", ".join([title, *(f"{key} = {value}" for key, value in laws.axes.items())]), rows, notes)
 
 
 class MeasureFit(NamedTuple):

@@ -114,6 +114,8 @@ def test_curves_without_extrema_or_that_differ_in_something_else_are_left_out_of
     assert math.isnan(laws.exponents[0].misfit)  # with as many curves as unknowns
     others = [lawful(), lawful(epsilon=0.2)]
     mixed = fit_laws([*others, *sizes])
+    assert mixed.axes == {"run": sizes[0].run}
+    assert {row.curves for row in mixed.exponents} == {3}
     assert (mixed.curves, mixed.left_out, mixed.exponents) == (3, 2, fit_laws(sizes).exponents)
 
 
@@ -156,8 +158,8 @@ def test_why_curves_make_no_law_is_reported(capsys, curves: list[FittedCurve], r
 
 def test_the_exponents_are_next_to_the_thesis_s(capsys, couplings) -> None:
     stdout = printed(capsys, couplings)
-    assert "Scaling laws of 3 curves of robots" in stdout
-    assert "parameter epsilon; form power" in stdout
+    assert "Scaling laws of 3 curves of robots\n" in stdout
+    assert "parameter epsilon; form power; curves 3" in " ".join(stdout.split())
     rows = cells(stdout)[-4:]
     assert [(row[0], row[2]) for row in rows] == [("V_m", "1"), ("T_m", "0"), ("V_p", "1"), ("T_p", "0")]
     for row, comparison in zip(rows, fit_laws(couplings).exponents, strict=True):
