@@ -232,7 +232,7 @@ def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:
     records["robots"], records["pixels"] = 1, group.pixels
     records["serving"] = records[-1:].ctypes.data
     each, block, numbers = records[:-1], swarm.scene.ctypes.data, np.arange(group.count)
-    camera = swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, -1)
+    camera = swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, group.pixels)
     rows = {name: members[name] for name in ("actuators", "random", "present")} | {"camera": camera}
     for name in ("step_ms", "distance_mm", "infrared", "new_picture", "pulses", "messages"):
         rows[name] = members.sensors[name]

@@ -209,17 +209,18 @@ def plan_calls(
     scenario: EmbodiedScenario, sensors: Sequence[OwnSensor], controllers: Sequence[GroupControllers]
 ) -> tuple[list[tuple[Any, int]], list[tuple[Any, int]]]:
     """Return the calls before and after commands are carried out: functions (block, addresses, number) and numbers."""
-    groups, differ, faulty = range(len(scenario.robots)), scenario.spread.clock_rate > 0, bool(scenario.faults)
+    differ, faulty = scenario.spread.clock_rate > 0, bool(scenario.faults)
+    groups = [number for number, section in enumerate(scenario.robots) if section.count]  # kernels need one
     early = [
         *([(tick, 0)] * differ),
         *([(stop_and_release, 0)] * (scenario.stuck.per_hour > 0)),
         *([(change_faults, 0)] * faulty),
         *((hold, group) for group in groups if faulty),
-        *((sense, group) for group, section in enumerate(scenario.robots) for sense in sensors_of(section)),
-        *((sensor, number) for number, sensor in enumerate(sensors)),
+        *((sense, group) for group in groups for sense in sensors_of(scenario.robots[group])),
+        *((sensor, number) for number, sensor in enumerate(sensors) if sensor.robots.start < sensor.robots.stop),
         *((blank_readings, group) for group in groups if faulty),
         *((blank, group) for group in groups if scenario.members_change),
-        *((each, group) for group, each in enumerate(controllers)),
+        *((controllers[group], group) for group in groups),
         *((freeze, group) for group in groups if faulty),
     ]
     return early, [*([(fail_actuators, 0)] * faulty), *([(rest, 0)] * scenario.members_change)]

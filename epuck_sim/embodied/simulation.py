@@ -198,6 +198,8 @@ class Simulation:
         if scenario.faults:
             restart_faults(block, scenario, self.seed)
         for number, (group, section) in enumerate(zip(self._groups, scenario.robots, strict=True)):
+            if not section.count:
+                continue
             if section.signal.kind == "camera" and section.camera.frames_per_s is not None:
                 begin_pictures(block, number)
             try:
@@ -246,7 +248,12 @@ class Simulation:
         return self._shown.step(number, number * self._step_ms / 1000)
 
     def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
-        """Return the block before anything is drawn, and the functions that control steps call, by index: for pages."""
+        """Return the block before anything is drawn, and the functions that control steps call, by index: for pages.
+
+        Pages run the controllers of all groups: raise ScenarioError if one has no robots.
+        """
+        if not all(group.count for group in self.scenario.robots):
+            raise ScenarioError(f"{self.scenario.name}: robots.count: is 0; pages have robots in all groups")
         block = self._block.copy()
         self._clear(block)
         return block, self._loop.functions

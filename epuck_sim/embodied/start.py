@@ -235,7 +235,7 @@ def put_at_given_poses(swarm: Swarm, scenario: EmbodiedScenario) -> None:
     robots = swarm.robots
     robots["x"], robots["y"], _ = parked_poses(np.arange(len(robots))).T
     for number, group, numbers in members(scenario.robots):
-        radius_cm = float(robots[numbers.start].radius_cm)
+        radius_cm = scenario.group_kinds[number].radius_cm
         for row, (x, y, heading) in enumerate(group.poses or () if group.present else ()):
             key = f"{scenario.name}: robots.{number}.poses.{row}: is [{x:g}, {y:g}]"
             gap = clearance_cm(swarm, float(x), float(y), swarm.scene[0].circles) - radius_cm
@@ -258,7 +258,7 @@ def put_at_given_poses(swarm: Swarm, scenario: EmbodiedScenario) -> None:
 def draw_places(block: ByteArray, scenario: EmbodiedScenario) -> None:
     """Draw places on the grid, and at random, for the other robots; raise ScenarioError if they do not fit."""
     begin_placement(block)
-    groups = [each for each in members(scenario.robots) if each[1].present]
+    groups = [each for each in members(scenario.robots) if each[1].present and each[1].count]
     for number, group, robots in groups:
         if group.placement == "grid" and (free := place_on_grid(block, robots.start, robots.stop)) != PLACED:
             columns, rows = _grid_points(scenario.arena.width_cm), _grid_points(scenario.arena.height_cm)

@@ -45,9 +45,9 @@ class FaultSection(ConfigModel):
     kind: str
     robots: Whom = None
     """Numbers of the robots that may have it; all by default."""
-    share: Annotated[Number, Field(gt=0, le=1)] | None = None
+    share: Annotated[Number, Field(ge=0, le=1)] | None = None
     """Share of all robots that may have it, drawn at random in each trial, instead of `robots`."""
-    count: Annotated[WholeNumber, Field(ge=1)] | None = None
+    count: Annotated[WholeNumber, Field(ge=0)] | None = None
     """Number of robots that may have it, drawn at random in each trial, instead of `robots`."""
     at_s: Annotated[Number, Field(ge=0, le=1e9)] | None = None
     """Time at which it begins; with `per_hour`, the earliest such time. 0 by default."""
@@ -145,7 +145,7 @@ AnyFault = Annotated[
 
 def concerns(whom: Sequence[int] | None, robots: range) -> bool:
     """Return whether any of these robots is among those that `whom` names; None names all."""
-    return whom is None or any(robot in robots for robot in whom)
+    return any(robot in robots for robot in (robots if whom is None else whom))
 
 
 class TrialEvent(NamedTuple):

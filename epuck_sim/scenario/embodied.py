@@ -156,8 +156,8 @@ class EmbodiedScenario(Scenario):
     overhead: OverheadSection = OverheadSection.model_construct()
 
     def _check_together(self) -> None:
-        if not self.robots:
-            raise ValueError("robots is []; allowed: at least one group of robots, such as [{count: 10}]")
+        if not self.robot_count:
+            raise ValueError("robots: has no robot; allowed: at least one in all groups, such as [{count: 10}]")
         reference = self.stop.reference_robot
         check_range("stop.reference_robot", reference, 0, self.robot_count - 1)
         for number, group in enumerate(self.robots):
@@ -178,9 +178,9 @@ class EmbodiedScenario(Scenario):
     def _check_faults(self) -> None:
         check_numbers("faults", self.faults, self.robot_count)
         for number, fault in enumerate(self.faults):
-            where, none = f"faults.{number}", f": a smaller share of {self.robot_count} robots is no robot"
-            check_range(f"{where}.count", fault.count, 1, self.robot_count)
-            check_range(f"{where}.share", fault.share, 0.5 / self.robot_count, 1, none)
+            where, none = f"faults.{number}", f", or 0: a smaller share of {self.robot_count} robots is no robot"
+            check_range(f"{where}.count", fault.count, 0, self.robot_count)
+            check_range(f"{where}.share", fault.share or None, 0.5 / self.robot_count, 1, none)
             if isinstance(fault, SensorDead) and fault.sensor not in self.sensor_names:
                 own = comma_list(self.sensor_names)
                 raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")

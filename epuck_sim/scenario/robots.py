@@ -136,8 +136,8 @@ class RobotGroup(ConfigModel):
 
     later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal", "present", "sensors", "kind")
 
-    count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
-    """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
+    count: Annotated[WholeNumber, Field(ge=0, le=100_000)] = 10
+    """Number of robots in the group, 0 for none; N of thesis 4.2.1, where there is one group."""
     kind: RobotKind | None = None
     """Kind of its robots; by default that of the section `robot`."""
     present: bool = True

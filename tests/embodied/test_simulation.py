@@ -15,7 +15,9 @@ from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulati
 from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE
 from epuck_sim.util.builtin import ARENAS, builtin_files
 from tests.control.bench import EMPTY, with_step, write_controller
-from tests.embodied.steps import CHANGING, bits, constant, kept, swarm_of
+from tests.control.test_firmware import write_firmware
+from tests.embodied.steps import CHANGING, FAULTY, SIGNALS, bits, coming_and_going, constant, kept, steps_of, swarm_of
+from tests.tools import needs_compiler
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
 LONG = ("crowded", "obstacles", "physical", "thesis")
@@ -85,6 +87,30 @@ def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(tmp_p
     assert apart.min() > 7.4  # no two robots have touched
     assert np.any([step.camera.any(axis=1) for step in straight], axis=0).all()  # but all have seen somebody
     assert np.any([step.infrared[:3].any(axis=1) for step in straight], axis=0).all()
+
+
+@needs_compiler
+@pytest.mark.parametrize("scenario", [FAULTY, *map(coming_and_going, SIGNALS)])
+def test_groups_without_robots_change_nothing(scenario, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_firmware(tmp_path / "mine.c")
+    sensor = "READINGS = {'place': float}\ndef sense(w, robot, readings, p, r): readings.place = robot.x"
+    (tmp_path / "place.py").write_text(sensor)
+    faults = [*scenario["faults"], {"kind": "sensor_dead", "sensor": "place", "at_s": 3}]
+    alone = scenario | {"sensors": ["place.py"], "faults": faults}
+    first, *others = scenario["robots"]
+    own = {key: value for key, value in first.items() if key != "count"} | {"count": 0}
+    groups = [
+        own | {"controller": "random_walk"},
+        first,
+        own | {"placement": "poses", "poses": []},
+        *others,
+        own | {"controller": "mine.c"},
+    ]
+    found, expected = (steps_of(each, 60) for each in (alone | {"robots": groups}, alone))
+    assert all(found[name].tobytes() == values.tobytes() for name, values in expected.items())
+    interpreted = Simulation(alone | {"robots": groups[:-1]}, 3, interpret=True).advance(20)
+    assert interpreted.poses.tobytes() == expected["poses"][19].tobytes()
 
 
 def test_groups_with_different_cameras_and_controllers_work_side_by_side(tmp_path):

@@ -83,7 +83,7 @@ def restart_faults(block: ByteArray, scenario: EmbodiedScenario, seed: int) -> N
 def _members(section: FaultSection, robots: int, sequence: np.random.SeedSequence) -> IntArray:
     if section.robots is not None:
         return np.array(section.robots)
-    count = math.floor((section.share or 1.0) * robots + 0.5) if section.count is None else section.count
+    count = math.floor(_or(section.share, 1.0) * robots + 0.5) if section.count is None else section.count
     return np.random.Generator(np.random.SFC64(sequence)).permutation(robots)[:count]
 
 
@@ -245,7 +245,7 @@ def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
             continue
         readings = swarm.sensed[own.readings : own.random]
         copy_array(readings, swarm.sensed[own.kept : own.kept + len(readings)])
-        size = len(readings) // own.count
+        size = len(readings) // max(own.count, 1)
         for member in range(own.count):
             for fault in range(len(swarm.faults)):
                 is_active = swarm.affected[fault * len(swarm.robots) + own.first + member].is_active
