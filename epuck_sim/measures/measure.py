@@ -118,7 +118,7 @@ _BY_MODULE = {
     "motion": "avoiding coverage density in_contact mean_speed mean_squared_displacement moved near_walls "
     "velocity_correlation_time",
     "perturbations": "perturbation perturbation_exponent perturbation_growth perturbation_transient",
-    "synchrony": "below_threshold cluster_count cluster_life largest_cluster order_parameter stays_above "
+    "synchrony": "below_threshold cluster_count cluster_life group_order largest_cluster order_parameter stays_above "
     "threshold_cycles",
 }
 

@@ -8,6 +8,9 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, Series, Share, Shipped, allowed, share
+from epuck_sim.order_parameter import METRICS, from_reference
+from epuck_sim.scenario.base import check_range
+from epuck_sim.scenario.robots import members
 
 
 class OrderParameter(Series):
@@ -16,6 +19,31 @@ class OrderParameter(Series):
     def cycle(self, _: Any, state: Any) -> None:
         """Record the order parameter that the trial has measured; None where the reference is no oscillator."""
         self._series.append(state.order_parameter)
+
+
+@dataclass
+class GroupOrder(Series):
+    """Order parameter of the robots of one `group` at each firing of the reference: `stop.metric` (series)."""
+
+    group: int = 0
+    MODELS = ("embodied",)
+
+    @staticmethod
+    def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
+        """Raise ValueError for a group that does not exist."""
+        check_range("group", parameters.group, 0, len(scenario.robots) - 1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._robots = [robots for *_, robots in members(self.simulation.scenario.robots)][self.group]
+
+    def cycle(self, step: Any, _: Any) -> None:
+        """Record the order parameter; None where no robot of the group has a phase."""
+        stop, phases, periods = self.simulation.scenario.stop, step.phase_ms, self.simulation.period_ms
+        if stop.metric == "reference":
+            phases = from_reference(phases, periods, stop.reference_robot)
+        known = [robot for robot in self._robots if not np.isnan(phases[robot])]
+        self._series.append(float(METRICS[stop.metric](phases[known], periods[known])) if known else None)
 
 
 def read_thresholds(text: str) -> list[float]:

@@ -46,9 +46,9 @@ class FaultSection(ConfigModel):
     robots: Whom = None
     """Numbers of the robots that may have it; all by default."""
     share: Annotated[Number, Field(ge=0, le=1)] | None = None
-    """Share of all robots that may have it, drawn at random in each trial, instead of `robots`."""
+    """Share of these robots that has it, drawn at random in each trial; 1 by default."""
     count: Annotated[WholeNumber, Field(ge=0)] | None = None
-    """Number of robots that may have it, drawn at random in each trial, instead of `robots`."""
+    """Number of these robots that have it, drawn at random in each trial, instead of `share`."""
     at_s: Annotated[Number, Field(ge=0, le=1e9)] | None = None
     """Time at which it begins; with `per_hour`, the earliest such time. 0 by default."""
     until_s: Annotated[Number, Field(gt=0, le=1e9)] | None = None
@@ -61,9 +61,8 @@ class FaultSection(ConfigModel):
     """Whether it begins and ends as the section `schedule` says, instead of at a time or at a rate."""
 
     def _check_together(self) -> None:
-        whom = [key for key in ("robots", "share", "count") if getattr(self, key) is not None]
-        if len(whom) > 1:
-            raise ValueError(f"{whom[0]} and {whom[1]} are given; give one of them, or neither for all robots")
+        if self.share is not None and self.count is not None:
+            raise ValueError("share and count are given; give one of them, or neither for all robots")
         when = [key for key in ("at_s", "until_s", "per_hour", "mean_s") if getattr(self, key) is not None]
         if self.scheduled and when:
             raise ValueError(f"scheduled is true and {when[0]} is given; leave one of them out")

@@ -104,7 +104,7 @@ ROBOT_BYTES, GROUP_BYTES, PIXEL_BYTES = 4800, 15_000, 8
 """Memory that a robot takes besides its pixels, a group besides its robots, and a pixel of a picture; the first two as
 measured with 10,000 to 100,000 robots and with 4,000 to 20,000 groups."""
 
-OF_PRESENT = ("order_parameter", "threshold_cycles", "stays_above", "below_threshold", "moved")
+OF_PRESENT = ("order_parameter", "group_order", "threshold_cycles", "stays_above", "below_threshold", "moved")
 """Shipped measures that count only the robots in the arena."""
 
 UNLIMITED_S = 600.0
@@ -178,9 +178,10 @@ class EmbodiedScenario(Scenario):
     def _check_faults(self) -> None:
         check_numbers("faults", self.faults, self.robot_count)
         for number, fault in enumerate(self.faults):
-            where, none = f"faults.{number}", f", or 0: a smaller share of {self.robot_count} robots is no robot"
-            check_range(f"{where}.count", fault.count, 0, self.robot_count)
-            check_range(f"{where}.share", fault.share or None, 0.5 / self.robot_count, 1, none)
+            where, most = f"faults.{number}", len(fault.robots or range(self.robot_count))
+            check_range(f"{where}.count", fault.count, 0, most)
+            none = f", or 0: a smaller share of {most} robots is no robot"
+            check_range(f"{where}.share", fault.share or None, 0.5 / most, 1, none)
             if isinstance(fault, SensorDead) and fault.sensor not in self.sensor_names:
                 own = comma_list(self.sensor_names)
                 raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
@@ -288,6 +289,12 @@ class EmbodiedScenario(Scenario):
         for number, fault in enumerate(self.faults):
             if fault.scheduled and not any(number in entry.begin for entry in self.schedule):
                 found.append(f"faults.{number} never begins: no entry of the schedule begins it")
+            may_freeze = fault.kind == "oscillator_frozen" and 0 not in (fault.count, fault.share)
+            if may_freeze and stop.reference_robot in (fault.robots or (stop.reference_robot,)):
+                found.append(
+                    f"faults.{number} may freeze robot {stop.reference_robot}, the reference: then no cycles are "
+                    "counted; give the numbers of others in robots, of which count and share are drawn"
+                )
         return found
 
     @property

@@ -97,6 +97,7 @@ def test_what_never_happens_in_a_trial_is_noted() -> None:
         ({"schedule": [{"at_cycle": 5, "remove": [1]}], "stop": {"max_cycles": 5}}, "schedule.0 never begins: "),
         ({"schedule": [add]}, "schedule.0.add: in the arena all the time: 1"),
         ({"faults": [{"kind": "ring_dead", "scheduled": True}]}, "faults.0 never begins: no entry"),
+        ({"faults": [{"kind": "oscillator_frozen", "count": 1}]}, "faults.0 may freeze robot 0, the reference"),
         (
             {"robots": [two | {"signal": {"kind": "radio"}}]},
             "robots.0.parameters.flash_pixels is 2, but signal radio shows 1",
@@ -112,7 +113,9 @@ def test_what_never_happens_in_a_trial_is_noted() -> None:
     ):
         (note,) = load_scenario(given).notes
         assert note.startswith(said)
-    for given in ({"faults": late, "stop": {"max_time_s": 9.5}}, {"schedule": [add, remove]}, {"robots": [two]}):
+    frozen = [{"kind": "oscillator_frozen", **whom} for whom in ({"count": 0}, {"robots": [1, 2], "share": 0.5})]
+    begins = {"faults": [*late, *frozen], "stop": {"max_time_s": 9.5}}
+    for given in (begins, {"schedule": [add, remove]}, {"robots": [two]}):
         assert load_scenario(given).notes == []
     ends = {"model": "particles", "schedule": [{"at_s": 9, "displace": {"by_cycles": 1}}], "stop": {"max_time_s": 9}}
     assert load_scenario(ends).notes == []

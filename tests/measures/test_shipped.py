@@ -160,6 +160,22 @@ def test_the_order_parameter_is_that_of_the_phases_at_each_cycle(sections, metri
     assert series == pytest.approx([float(METRICS[metric](each, 1.0)) for each in seen], abs=1e-12)
 
 
+@pytest.mark.parametrize("metric", METRICS)
+def test_the_order_of_a_group_is_that_of_its_phases(metric):
+    robots = [{"count": 3}, {"count": 4}, {"controller": "constant"}, {"count": 0}]
+    observer, seen = at_cycles(phases)
+    more = [{"group_order": {"group": group, "as": f"of_{group}"}} for group in (2, 3)]
+    sections = {
+        "robots": robots,
+        "stop": {"metric": metric, "order_parameter": None},
+        "schedule": [{"at_s": 20, "remove": [5]}],
+    }
+    _, *series = run({"group_order": {"group": 1}}, observer, more=more, **sections)
+    own = [each[3:7] - (metric == "reference") * each[0] for each in seen]
+    assert series[0] == pytest.approx([float(METRICS[metric](each[~np.isnan(each)], 1.0)) for each in own], abs=1e-12)
+    assert series[1:] == [[None] * CYCLES] * 2
+
+
 def told(measure, series):
     for cycle, order in enumerate(series, 1):
         measure.cycle(None, SimpleNamespace(order_parameter=order, cycles=cycle))

@@ -81,10 +81,9 @@ def restart_faults(block: ByteArray, scenario: EmbodiedScenario, seed: int) -> N
 
 
 def _members(section: FaultSection, robots: int, sequence: np.random.SeedSequence) -> IntArray:
-    if section.robots is not None:
-        return np.array(section.robots)
-    count = math.floor(_or(section.share, 1.0) * robots + 0.5) if section.count is None else section.count
-    return np.random.Generator(np.random.SFC64(sequence)).permutation(robots)[:count]
+    among = np.arange(robots) if section.robots is None else np.array(section.robots)
+    count = math.floor(_or(section.share, 1.0) * len(among) + 0.5) if section.count is None else section.count
+    return np.random.Generator(np.random.SFC64(sequence)).permutation(among)[:count]
 
 
 @jit_no_alloc

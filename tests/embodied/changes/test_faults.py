@@ -57,11 +57,15 @@ def test_a_fault_at_a_time_is_there_in_the_control_steps_from_then_on_until_its_
 
 @pytest.mark.parametrize(
     ("whom", "count"),
-    [({"share": 0.25}, 10), ({"count": 3}, 3), ({"share": 0.06}, 2), ({}, 40), ({"count": 0}, 0), ({"share": 0}, 0)],
+    [
+        *(({"share": 0.25}, 10), ({"count": 3}, 3), ({"share": 0.06}, 2), ({}, 40), ({"count": 0}, 0)),
+        *(({"share": 0}, 0), ({"robots": [*range(5, 25)], "share": 0.2}, 4)),
+    ],
 )
 def test_a_share_or_a_number_of_robots_is_drawn_in_each_trial(whom, count):
     drawn = [active_over({"kind": "ring_dead", **whom}, 1, 40, seed)[0] for seed in range(30)]
     assert {row.sum() for row in drawn} == {count}
+    assert set(np.flatnonzero(np.any(drawn, axis=0))) <= set(whom.get("robots", range(40)))
     if 0 < count < 40:
         assert len({row.tobytes() for row in drawn}) > 25
         assert (np.sum(drawn, axis=0) < 25).all()
