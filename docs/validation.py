@@ -11,7 +11,6 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +25,6 @@ from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.figures.style import COLUMN_CM, choose_looks, style
 from epuck_sim.statistics.comparison import contrast, holm, log_rank, log_rank_parts, mean_contrast, pair_up
 from epuck_sim.statistics.statistic import Measured, mean_and_error, measure_t_sync
-from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.util.atomic_write import atomic_write
 
 DOCS = Path(__file__).parent
@@ -167,7 +165,7 @@ def run(peer: Peer, folder: Path, every: int, workers: int | None) -> Overall:
     scenario = load_scenario(peer.scenario, [f"trials={peer.trials}", f"seed={SEED}", f"sweep={sweep}"])
     own = folder / (peer.table if every == 1 else f"{peer.table}-{every}")
     own.parent.mkdir(parents=True, exist_ok=True)
-    if run_sweep(scenario, own, partial(local_pool, workers)).failed:
+    if run_sweep(scenario, own, workers).failed:
         sys.exit(f"{own}: trials failed; see epuck-sim status")
     compared = []
     for ours, rows in zip(map(measure_t_sync, read_points(own)), groups, strict=True):

@@ -22,7 +22,6 @@ import yaml
 import epuck_sim
 from epuck_sim import EmbodiedScenario, ParticleScenario, ParticleSimulation, Simulation, Step, load_scenario, run_trial
 from epuck_sim.overhead.film import open_film
-from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.builtin import ARENAS, builtin_files
 
@@ -164,7 +163,7 @@ def sweep(model: str, folder: Path) -> list[dict[str, Any]]:
     """Return the cycles of each trial of a small sweep, and the statistics of its points."""
     axis, limit = SWEEPS[model]
     found = load_scenario("thesis" if model == "robots" else "particles", [limit, "trials=6"], [axis])
-    epuck_sim.run_sweep(found, folder, lambda: local_pool(2))
+    epuck_sim.run_sweep(found, folder, workers=2)
     points = epuck_sim.read_points(folder)
     statistics = [point.record() for point in epuck_sim.summarize(points)]
     return [

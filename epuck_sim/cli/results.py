@@ -3,7 +3,6 @@
 import math
 import re
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -371,16 +370,15 @@ def replicate(
     from epuck_sim.scenario.scenario import Scenario
     from epuck_sim.sweep.cluster import DaskCluster
     from epuck_sim.sweep.run import run_sweep
-    from epuck_sim.sweep.scheduler import local_pool
 
-    open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
+    pool = workers if dask is None else DaskCluster(dask).open
     needed = needed_sweeps(known, chosen)
     folders = {name: sweep_folder(out, name) for name in needed}
     failed = dict.fromkeys(needed, 0)
 
     def run(name: str, scenario: Scenario) -> None:
         with SweepProgressBar() as bar:
-            failed[name] = run_sweep(scenario, folders[name], open_pool, bar).failed
+            failed[name] = run_sweep(scenario, folders[name], pool, bar).failed
 
     for name, scenario in needed.items():
         print_stderr(f"{name}:")

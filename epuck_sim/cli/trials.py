@@ -3,7 +3,6 @@
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -175,7 +174,7 @@ def _run_trial(
             assert isinstance(simulation, Simulation), "its scenario has bodies"
             observers.append(ControllerFiles(simulation, print_stderr))
         # interpreted code may stand at a breakpoint
-        progress.begin(trial, None if interpret else getattr(simulation, "at_work", None))
+        progress.begin(trial, None if interpret else getattr(simulation, "pool", None))
         return run_trial(simulation, observers, progress)
 
 
@@ -209,13 +208,13 @@ def sweep_into(
     from epuck_sim.sweep.cluster import DaskCluster
     from epuck_sim.sweep.demand import check_memory, describe_size
     from epuck_sim.sweep.run import run_sweep
-    from epuck_sim.sweep.scheduler import available_cores, local_pool
+    from epuck_sim.sweep.scheduler import available_cores
 
     _note_other_versions(folder)
     given = {"--workers": workers, "--dask": dask, "--until": until, "--contrast": contrast}
     words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
     again = shlex.join(["epuck-sim", "run", f"{folder}/", *words, *["--interpret"] * interpret])
-    open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
+    pool = workers if dask is None else DaskCluster(dask).open
     looks = None
     if until is not None:
         from epuck_sim.sweep.looks import Looks  # which takes scipy
@@ -228,18 +227,16 @@ def sweep_into(
 
                 def begin(found: Sequence[Point]) -> None:
                     over()
-                    if dask is None:
-                        check_memory(found, workers or available_cores())
-                    else:
-                        with open_pool():  # check that it answers before there is a folder
+                    if callable(pool):
+                        with pool():  # check that it answers before there is a folder
                             pass
+                    else:
+                        check_memory(found, pool or available_cores())
                     most = "" if looks is None else ", at most"
                     print_stderr(f"{found[0].scenario.name}: {describe_size(found)}{most}")
                     bar.points = found
 
-                run_sweep(
-                    scenario, folder, open_pool, bar, interpret=interpret, share=of_share, until=looks, begin=begin
-                )
+                run_sweep(scenario, folder, pool, bar, interpret=interpret, share=of_share, until=looks, begin=begin)
         except KeyboardInterrupt:
             if not (folder / DATABASE).exists():
                 print_stderr("stopped before the first trial; nothing was written")

@@ -3,6 +3,7 @@
 import heapq
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from functools import partial
 from itertools import repeat, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,8 +14,8 @@ from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Outcome, Store
 from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.scenario.scenario import ScenarioLike
+from epuck_sim.sweep import scheduler
 from epuck_sim.sweep.demand import check_sweep
-from epuck_sim.sweep.scheduler import OpenPool, TaskQueue, local_pool, schedule
 from epuck_sim.sweep.worker import Task, step_limit_s
 from epuck_sim.trial.model import check_interpretable
 
@@ -38,7 +39,7 @@ class SweepProgress(NamedTuple):
 def run_sweep(
     scenario: ScenarioLike,
     folder: Path | str,
-    open_pool: OpenPool = local_pool,
+    workers: int | scheduler.OpenPool | None = None,
     observer: Callable[[SweepProgress], None] = lambda _: None,
     *,
     interpret: bool = False,
@@ -51,7 +52,8 @@ def run_sweep(
     Args:
         scenario: A Scenario, or what `load_scenario` takes.
         folder: The run folder, which is made if it does not exist.
-        open_pool: Opens a pool of workers, see `epuck_sim.sweep.scheduler`; processes on all cores by default.
+        workers: Number of processes, by default as many as there are cores; or a function that opens a pool of
+            workers elsewhere, such as `epuck_sim.sweep.cluster.DaskCluster(address).open`.
         observer: Called with the progress before the first trial and after each.
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
@@ -66,6 +68,7 @@ def run_sweep(
         StoreError: The folder cannot be used.
         ClusterError: There are no workers; the trials stored so far stay.
     """
+    open_pool = workers if callable(workers) else partial(scheduler.local_pool, workers)
     loaded = load_scenario(scenario)
     if interpret:
         check_interpretable(loaded)
@@ -90,9 +93,9 @@ def run_sweep(
         stored = sum(starmap(finished.count, enumerate(wanted)))
         progress = SweepProgress(total, stored, store.censored(), 0, 0, narrow=None if until is None else until.narrow)
         observer(progress)
-        queue = TaskQueue(missing_tasks(all_points, wanted, finished, interpret), total - stored)
+        queue = scheduler.TaskQueue(missing_tasks(all_points, wanted, finished, interpret), total - stored)
         kinds = first_of_each_kind(all_points, wanted, finished, interpret)
-        with closing(schedule(queue, kinds, open_pool)) as chunks:
+        with closing(scheduler.schedule(queue, kinds, open_pool)) as chunks:
             for outcomes in chunks:
                 for outcome, is_stored in zip(outcomes, store.add(outcomes), strict=True):
                     if until is not None and (added := until.end_trial(outcome.point)):

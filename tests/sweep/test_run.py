@@ -6,7 +6,6 @@ import re
 import signal
 import sys
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from random import Random
 from subprocess import Popen, TimeoutExpired
@@ -25,7 +24,6 @@ from epuck_sim.statistics.statistic import measure_t_sync, restrict
 from epuck_sim.sweep import scheduler
 from epuck_sim.sweep.looks import Looks
 from epuck_sim.sweep.run import SweepProgress, first_of_each_kind, missing_tasks, run_sweep
-from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.sweep.worker import run_chunk
 from tests.cli.commands import call
 from tests.processes import processes_marked, start, wait_until
@@ -51,12 +49,14 @@ def uninterrupted(tmp_path_factory) -> list[tuple]:
 def test_more_workers_give_the_same_table_bit_for_bit_and_leave_nothing_to_do(tmp_path, uninterrupted) -> None:
     scenario = load_scenario(short_sweep(tmp_path, TRIALS))
     tallies: list[SweepProgress] = []
-    run_sweep(scenario, tmp_path / "run", partial(local_pool, 3), tallies.append)
+    run_sweep(scenario, tmp_path / "run", 3, tallies.append)
     assert table(tmp_path / "run") == uninterrupted
     assert [tally.ended for tally in tallies] == list(range(POINTS * TRIALS + 1))
     assert tallies[-1].stored == tallies[-1].trials == POINTS * TRIALS
     assert tallies[-1].censored > 0
     assert run_sweep(scenario, tmp_path / "run", lambda: pytest.fail("a pool was opened")).ended == 0
+    with pytest.raises(ValueError, match=r"workers is 0; allowed: whole numbers from 1"):
+        run_sweep(scenario, tmp_path / "other", workers=0)
 
 
 def test_trial_0_of_all_points_comes_first_and_one_of_each_set_of_controllers_is_compiled_ahead(tmp_path) -> None:
@@ -255,7 +255,7 @@ def test_workers_and_interruptions_do_not_change_what_is_run(tmp_path, all_trial
     scenario, folder = four_points(tmp_path), tmp_path / "run"
     ends, rows = expected(all_trials, ASKED)
     with pytest.raises(Stopped):
-        run_sweep(scenario, folder, partial(local_pool, 2), stopper(sum(ends) - 30), until=Looks(ASKED))
+        run_sweep(scenario, folder, 2, stopper(sum(ends) - 30), until=Looks(ASKED))
     assert set(table(folder)) < set(rows)
     run_sweep(scenario, folder, pool_here, until=Looks(ASKED))
     assert table(folder) == rows
