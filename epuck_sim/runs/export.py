@@ -35,11 +35,24 @@ BLOCK = 10_000  # rows that are read at a time: as objects of Python they take s
 def export(folder: Path, target: Path) -> int:
     """Write a row for each trial that has a result, ordered by point and trial; return the number that failed.
 
-    The columns are the axes, by their dotted keys, `COLUMNS`, and `measures.NAME` for each measure. A series is a list
-    in Parquet and its JSON in CSV. Where trials have events, `events` holds them as JSON.
+    The columns are those of `read_table`; a series is its JSON in CSV.
     """
     if target.suffix not in WRITERS:
         raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv")
+    table = read_table(folder, is_text=target.suffix == ".csv")
+    with atomic_write(target) as part, part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
+        WRITERS[target.suffix](table, file)
+    with reading(folder) as connection:
+        (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
+    return int(failed)
+
+
+def read_table(folder: Path, *, is_text: bool = False) -> Any:
+    """Return a table of pyarrow with a row for each trial that has a result, ordered by point and trial.
+
+    The columns are the axes, by their dotted keys, `COLUMNS`, and `measures.NAME` for each measure. A series is a list,
+    or its JSON if `is_text`. Where trials have events, `events` holds them as JSON.
+    """
     with reading(folder) as connection:
         points = {
             number: json.loads(axes)
@@ -54,19 +67,15 @@ def export(folder: Path, target: Path) -> int:
         blocks = [_AS_STORED.empty_table()]
         while found := rows.fetchmany(BLOCK):
             blocks.append(pa.table(dict(zip(_AS_STORED.names, zip(*found, strict=True), strict=True)), _AS_STORED))
-        (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
     read = pa.concat_tables(blocks)
     numbers = read["point"].to_pylist()
     axes = {key: _axis([as_column(points[number][key]) for number in numbers]) for key in points[0]}
     arrays = {**axes, **{name: read[name].cast(kind) for name, kind in COLUMNS.items()}}
     trials = [json.loads(text or "{}") for text in read["measured"].to_pylist()] if names else []
-    is_text = target.suffix == ".csv"
     arrays |= {f"measures.{name}": _measure([trial.get(name) for trial in trials], is_text) for name in names}
     if read["events"].null_count < len(read):
         arrays["events"] = read["events"]
-    with atomic_write(target) as part, part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
-        WRITERS[target.suffix](pa.table(arrays), file)
-    return int(failed)
+    return pa.table(arrays)
 
 
 def _axis(values: list[Any]) -> Any:

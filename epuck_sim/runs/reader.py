@@ -60,17 +60,15 @@ class PointTrials(NamedTuple):
 class SweepTrials(list[PointTrials]):
     """The points of a sweep, in its order, with their trials; notebooks show them as a table."""
 
+    folder: Path  # run folder from which they were read
+
     @property
     def of(self) -> str | None:
         """Name of the requested measure; None if none was requested."""
         return self[0].of if self else None
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return a DataFrame of pandas with a row for each trial.
-
-        Its columns are `point`, the number of the point; the axes by their dotted keys; `seed`; `cycles`, at which the
-        trial ended; `censored`, None without T_sync; `t_sync_cycles`, NaN where it is censored, and without T_sync; and
-        the requested measure, as `measures.NAME` if another column has its name.
+        """Return a DataFrame of pandas with a row for each trial in the folder, and the columns that `export` writes.
 
         Raises:
             EpuckSimError: pandas is not installed.
@@ -79,7 +77,10 @@ class SweepTrials(list[PointTrials]):
             import pandas  # noqa: PLC0415 - few need it
         except ImportError as error:
             raise EpuckSimError("to_pandas needs pandas, which is not installed: pip install pandas") from error
-        return pandas.DataFrame([row for point in self for row in _trial_rows(point)])
+        from epuck_sim.runs.export import read_table  # noqa: PLC0415 takes pyarrow
+
+        frame: pandas.DataFrame = read_table(self.folder).to_pandas()
+        return frame
 
     def _repr_html_(self) -> str:
         """Return a table of the points, for notebooks; `summarize` gives statistics."""
@@ -92,16 +93,6 @@ class SweepTrials(list[PointTrials]):
             cells = {"point": point.number, "trials": len(point.times), "censored": censored, "cycles": cycles}
             rows.append(Row(point.axes, cells))
         return Table("", rows)._repr_html_()
-
-
-def _trial_rows(point: PointTrials) -> Iterator[dict[str, Any]]:
-    measured = point.measured if point.of is not None else [None] * len(point.times)
-    columns = (point.seeds, point.times.tolist(), point.observed.tolist(), measured)
-    for seed, cycles, observed, value in zip(*columns, strict=True):
-        censored = not observed if point.has_t_sync else None
-        ends = {"cycles": cycles, "censored": censored, "t_sync_cycles": cycles if observed else np.nan}
-        row = {"point": point.number, **point.axes, "seed": seed, **ends}
-        yield row if point.of is None else {**row, f"measures.{point.of}" if point.of in row else point.of: value}
 
 
 def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
@@ -121,6 +112,7 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
         any_events = connection.execute("SELECT 1 FROM trials WHERE events IS NOT NULL LIMIT 1").fetchone()
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
         results = SweepTrials()
+        results.folder = Path(folder)
         for key, number, axes, scenario in found:
             try:
                 read = validate(json.loads(scenario), f"point {number}")

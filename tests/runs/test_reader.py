@@ -173,7 +173,8 @@ def half_censored(point):
 def test_there_is_a_row_for_each_trial_in_the_order_of_the_sweep(tmp_path) -> None:
     read = read_points(store(tmp_path / "run", FOUR, half_censored))
     frame = read.to_pandas()
-    assert [*frame.columns] == ["point", COUNT, SPEED, "seed", "cycles", "censored", "t_sync_cycles"]
+    export(tmp_path / "run", tmp_path / "trials.parquet")
+    assert frame.equals(pq.read_table(tmp_path / "trials.parquet").to_pandas())
     assert frame["point"].tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
     assert frame[COUNT].tolist() == [3] * 4 + [5] * 4
     assert frame["seed"].tolist() == [seed for point in read for seed in point.seeds]
@@ -183,16 +184,9 @@ def test_there_is_a_row_for_each_trial_in_the_order_of_the_sweep(tmp_path) -> No
     assert math.isnan(frame["t_sync_cycles"][1])
 
 
-def test_the_measure_asked_for_is_a_column_and_trials_without_t_sync_are_neither_censored_nor_not(monkeypatch) -> None:
-    without = {"has_t_sync": False, "measured": (0.5, [1, 2]), "of": "order"}
+def test_trials_without_t_sync_are_neither_censored_nor_not_and_pandas_may_be_missing(monkeypatch) -> None:
     made = made_folders.in_memory(FOUR, half_censored)
-    points = SweepTrials(point._replace(observed=point.observed & False, **without) for point in made)
-    frame = points.to_pandas()
-    assert frame["order"].tolist() == [0.5, [1, 2]] * 4
-    named = SweepTrials(point._replace(of="seed") for point in points).to_pandas()
-    assert (named["measures.seed"].tolist(), named["seed"].tolist()) == ([0.5, [1, 2]] * 4, frame["seed"].tolist())
-    assert frame["censored"].tolist() == [None] * 8
-    assert frame["t_sync_cycles"].isna().all()
+    points = SweepTrials(point._replace(observed=point.observed & False, has_t_sync=False) for point in made)
     assert points._repr_html_().count("<td>-</td>") == 4
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(EpuckSimError, match="to_pandas needs pandas, which is not installed: pip install pandas"):
