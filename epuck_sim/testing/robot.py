@@ -228,7 +228,13 @@ class Record:
 
 
 def facing_wall(
-    controller: str | Path, gap_cm: float = 5.0, *, seed: int = 0, interpret: bool = True, **parameters: Value
+    controller: str | Path,
+    gap_cm: float = 5.0,
+    *,
+    seed: int = 0,
+    interpret: bool = True,
+    sensors: Sequence[Any] = (),
+    **parameters: Value,
 ) -> Simulation:
     """Return a simulation in which robot 0 faces a wall.
 
@@ -237,13 +243,14 @@ def facing_wall(
         gap_cm: Distance between its body and the wall, above 0.
         seed: Seed of the trial.
         interpret: Whether the controller runs as plain Python.
+        sensors: Sensors in files of their own, as in a scenario.
         parameters: The controller's parameters.
 
     >>> facing_wall("obstacle_avoidance", gap_cm=1).advance(2).wheels_cm_s[0]
     array([ 12.8, -12.8])
     """
     pose = (SIDE_CM - RADIUS_CM - gap_cm, SIDE_CM / 2, 0.0)
-    return _scene(seed, interpret, (controller, pose, parameters))
+    return Simulation(_scene(sensors, (controller, pose, parameters)), seed, interpret=interpret)
 
 
 def facing_robot(
@@ -253,6 +260,7 @@ def facing_robot(
     lit: bool = True,
     seed: int = 0,
     interpret: bool = True,
+    sensors: Sequence[Any] = (),
     **parameters: Value,
 ) -> Simulation:
     """Return a simulation in which robot 0 faces robot 1, which stands still.
@@ -263,6 +271,7 @@ def facing_robot(
         lit: Whether the ring of robot 1 is lit; robot 0 sees it from the second step on.
         seed: Seed of the trial.
         interpret: Whether controllers run as plain Python.
+        sensors: Sensors of both in files of their own, as in a scenario.
         parameters: The parameters of robot 0's controller.
 
     >>> int(facing_robot("oscillator", gap_cm=10).advance(2).camera[0].sum()) > 10
@@ -270,13 +279,14 @@ def facing_robot(
     """
     middle, apart = SIDE_CM / 2, gap_cm + 2 * RADIUS_CM
     looks, stands = (middle - apart / 2, middle, 0.0), (middle + apart / 2, middle, math.pi)
-    return _scene(seed, interpret, (controller, looks, parameters), ("constant", stands, {"ring_on": lit}))
+    scene = _scene(sensors, (controller, looks, parameters), ("constant", stands, {"ring_on": lit}))
+    return Simulation(scene, seed, interpret=interpret)
 
 
 def _scene(
-    seed: int, interpret: bool, *robots: tuple[str | Path, tuple[float, float, float], dict[str, Value]]
-) -> Simulation:
-    """Return a simulation of robots, each of which has a controller, a pose and parameters."""
+    sensors: Sequence[Any], *robots: tuple[str | Path, tuple[float, float, float], dict[str, Value]]
+) -> dict[str, Any]:
+    """Return the scenario of robots with these sensors, each of which has a controller, a pose and parameters."""
     arena = {"width_cm": SIDE_CM, "height_cm": SIDE_CM}
     groups = [{"controller": str(file), "poses": [pose], "parameters": given} for file, pose, given in robots]
-    return Simulation({"name": "scene", "arena": arena, "noise": "off", "robots": groups}, seed, interpret=interpret)
+    return {"name": "scene", "arena": arena, "noise": "off", "sensors": sensors, "robots": groups}

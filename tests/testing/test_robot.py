@@ -121,6 +121,15 @@ def test_a_robot_faces_a_wall_or_a_robot_that_is_lit_or_dark_at_the_given_distan
     assert lit.poses[1, 0] - lit.poses[0, 0] == pytest.approx(20 + 2 * 3.7)
 
 
+def test_sensors_in_files_of_their_own_sense_in_scenes(tmp_path):
+    sensor = tmp_path / "place.py"
+    sensor.write_text("READINGS = {'place': float}\ndef sense(w, robot, readings, p, r): readings.place = robot.x\n")
+    wall = facing_wall("constant", 2, sensors=[sensor]).advance(1)
+    other = facing_robot("constant", sensors=(sensor,), interpret=False, left_cm_s=0).advance(1)
+    for step in (wall, other):
+        assert step.readings["place"].tolist() == step.poses[:, 0].tolist()
+
+
 def test_the_fixture_finds_controllers_and_sensors_beside_the_test(make_robot):
     robot = make_robot("../controllers/firmware/firefly.c", sensors=["../plugins/darkness/darkness/ground.py"])
     assert dir(robot.readings) == ["darkness"]
