@@ -81,7 +81,8 @@ def install(site: Path, package: str, group: str, name: str, module: str, text: 
 def test_what_packages_offer_is_listed_with_their_names_and_used_by_name():
     listed = json.loads(called("list", "--json"))
     assert listed["scenarios"]["plaza"].endswith("how close they come (from crowding)")
-    assert listed["controllers"]["dark_walk"] == "Walks straight, and turns now and then. (from darkness)"
+    walk = "Walks straight, and turns now and then. {speed_cm_s: 4.0, straight_steps: 20} (from darkness)"
+    assert listed["controllers"]["dark_walk"] == walk
     assert not any("(from" in said for name, said in listed["scenarios"].items() if name != "plaza")
     measures = json.loads(called("list", "--measures", "--json"))["measures"]
     assert measures["nearest_robot"].endswith("{most_cm: 1000.0} (from crowding)")

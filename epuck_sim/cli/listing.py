@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from epuck_sim.cli.tables import terminal_width
-from epuck_sim.control.loader import CONTROLLER, SENSOR
+from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import MEASURE, find_measure
 from epuck_sim.scenario.loader import SCENARIO
@@ -24,7 +24,7 @@ def list_names() -> dict[str, dict[str, str]]:
     kinds = {
         "scenarios": _describe(SCENARIO, SCENARIO.offers.keys() - sweeps.keys(), _of_yaml),
         "sweeps": _describe(SCENARIO, sweeps, _of_yaml),
-        "controllers": _describe(CONTROLLER, CONTROLLER.offers, _of_python),
+        "controllers": _describe(CONTROLLER, CONTROLLER.offers, _of_controller),
         "robots": _describe(ROBOT, ROBOT.offers, _of_yaml),
         "sensors": _describe(SENSOR, SENSOR.offers, _of_python),
         "response curves": _describe(CURVE, CURVE.offers.keys() - CURVE.shipped().keys(), _of_python),
@@ -71,8 +71,15 @@ def _of_python(place: Place) -> str:
     return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
 
 
+def _of_controller(place: Place) -> str:
+    return _with_parameters(_of_python(place), find_controller(place.name).parameters)
+
+
 def _of_measure(place: Place) -> str:
     measure = find_measure(place.name)
-    parameters = ", ".join(f"{key}: {default}" for key, default in measure.parameters.items())
-    doc = (measure.make.__doc__ or "").partition("\n")[0]
-    return f"{doc} {{{parameters}}}" if parameters else doc
+    return _with_parameters((measure.make.__doc__ or "").partition("\n")[0], measure.parameters)
+
+
+def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:
+    listed = ", ".join(f"{key}: {default}" for key, default in parameters.items())
+    return f"{doc} {{{listed}}}" if listed else doc

@@ -48,6 +48,7 @@ def test_lists_are_also_json() -> None:
     sweeps = list(listed["sweeps"])
     assert sweeps.index("fig-5-9") < sweeps.index("fig-5-10")
     assert listed["scenarios"]["pair"].startswith("two e-pucks")
+    assert listed["controllers"]["reorientation"].endswith(" {speed_cm_s: 12.8, reorientation_distance_mm: 30}")
     assert read("list", "--measures") == list_measures()
 
 
