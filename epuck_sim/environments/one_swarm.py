@@ -25,8 +25,9 @@ ROBOT_ENV = "epuck_sim/Robot-v0"  # name of the environment of one robot for `gy
 ONE_OF_TEN = {
     "name": "one of ten",
     "robots": [{"controller": "external", "count": 1}, {"controller": "firefly", "count": 9}],
+    "stop": {"reference_robot": 1},
 }
-"""The default swarm: the thesis's, with one robot driven from outside."""
+"""The default swarm: the thesis's, with one robot driven from outside, and T_sync of the others."""
 
 RenderMode = Literal["rgb_array", "human"]  # what `render` does: return a picture, or show it in a window
 

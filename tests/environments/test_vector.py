@@ -206,6 +206,7 @@ def test_wrappers_that_people_use_work():
         assert (terminated, truncated) == (False, step == 11)
     assert observation.shape == (4, *wrapped.unwrapped.observation_space.shape)
     assert infos["episode"]["l"] == 12
+    assert {"order_parameter", "t_sync_cycles", "synchronised"} <= infos.keys()
     assert infos["episode"]["r"] == pytest.approx(total)
     assert wrapped.render().shape == (480, 480, 3)
     wrapped.close()
