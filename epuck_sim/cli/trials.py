@@ -174,7 +174,7 @@ def _run_trial(
             assert isinstance(simulation, Simulation), "its scenario has bodies"
             observers.append(ControllerFiles(simulation, print_stderr))
         # interpreted code may stand at a breakpoint
-        progress.begin(trial, None if interpret else getattr(simulation, "pool", None))
+        progress.begin(trial, None if interpret else getattr(simulation, "at_work", None))
         return run_trial(simulation, observers, progress)
 
 
