@@ -350,7 +350,7 @@ class ClocksSection(ConfigModel):
 class ParticleStop(StopSection):
     """When a trial ends (3.1.5, 5.1.4)."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("when", "max_time_s")
+    later_keys: ClassVar[tuple[str, ...]] = (*StopSection.later_keys, "max_time_s")
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 1 - 1e-9
     """Threshold of the order parameter; null: trials do not end with synchrony."""
@@ -395,6 +395,17 @@ class ParticleScenario(Scenario):
                     "one of them out"
                 )
         check_numbers("schedule", self.schedule, self.agents.count)
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes of `Scenario.notes`, and one on periods that differ too much for the threshold."""
+        found, jitter, threshold = super().notes, self.clocks.jitter, self.stop.order_parameter
+        if threshold is not None and jitter and threshold > 1 - jitter**2:
+            found.append(
+                f"clocks.jitter is {jitter:g}: agents whose periods differ may never reach an order parameter of "
+                f"{threshold:.12g}; for a lower one: --set stop.order_parameter=0.95"
+            )
+        return found
 
     def check_twin(self) -> None:
         """Raise ScenarioError for a schedule whose entries may act at other moments in a twin of a trial."""

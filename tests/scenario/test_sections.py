@@ -269,3 +269,11 @@ def test_measures_of_the_command_come_after_those_of_the_file_and_take_settings(
     once = load_scenario({}, measures=["degree: {direction: out}"])
     assert once.measures[0].parameters["direction"] == "out"
     assert load_scenario(once, measures=["degree", "degree: {direction: out}"]).measures == once.measures
+
+
+def test_a_threshold_that_agents_with_different_periods_may_never_reach_is_noted() -> None:
+    (note,) = load_scenario("particles", ["clocks.jitter=0.01"]).notes
+    assert note.startswith(
+        "clocks.jitter is 0.01: agents whose periods differ may never reach an order parameter of 0.999999999"
+    )
+    assert load_scenario("particles", ["clocks.jitter=0.01", "stop.order_parameter=0.95"]).notes == []
