@@ -161,7 +161,7 @@ OfOption = Annotated[
     str | None,
     option(
         "--of NAME",
-        "A measure of the folder's trials; T_sync by default.",
+        "A measure of the folder's trials, or t_sync_s, T_sync in seconds; by default T_sync in cycles.",
         callback=lambda of: None if of == "T_sync" else of,
     ),
 ]

@@ -6,6 +6,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from epuck_sim.measures.measure import T_SYNC
+
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
     "arena.width_cm": ("L", "cm"),
@@ -60,7 +62,7 @@ def statistic_label(names: Iterable[str], label: str) -> str:
 
 def undetermined_label(of: str | None) -> str:
     """Return the label of points at which T_sync, or the measure of this name, is undetermined."""
-    return f"undetermined: {'too many censored' if of is None else 'no trial has a value'}"
+    return f"undetermined: {'too many censored' if of in T_SYNC else 'no trial has a value'}"
 
 
 def key_name(key: str, among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS) -> str:

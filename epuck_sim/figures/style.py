@@ -18,6 +18,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.scenario.axes import is_logarithmic as spans_decades
 from epuck_sim.util.messages import counted
 
@@ -237,7 +238,7 @@ def has_log_scale(of: str | None, values: FloatArray, scale: str | None = None) 
     known = values[np.isfinite(values)]
     if scale == "log" and (known <= 0).any():
         raise EpuckSimError(f"--log: {of} has values that are not positive, such as {known.min():g}; give --linear")
-    return scale == "log" or (scale is None and (of is None or (len(known) > 0 and is_logarithmic(of, known))))
+    return scale == "log" or (scale is None and (of in T_SYNC or (len(known) > 0 and is_logarithmic(of, known))))
 
 
 def make_logarithmic(axes: Axes, *names: str) -> None:

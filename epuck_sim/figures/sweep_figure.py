@@ -178,7 +178,7 @@ def _check_fit(points: Sequence[PointTrials], form: str, given: Mapping[str, obj
         f"--form {form}: {of} is a series, with a value for each cycle; allowed: series": (
             is_series and form != "series"
         ),
-        "--censored-at is for T_sync; measures are never censored": of and "censored_at_cycles" in given,
+        f"--censored-at is for T_sync in cycles, but this is {of}": of and "censored_at_cycles" in given,
     }
     for option, value in given.items():
         takers = [each for each, (_, takes) in FORMS.items() if option in takes]

@@ -24,6 +24,9 @@ Parameter = bool | int | float | str  # value of a parameter of a measure
 Scalar = bool | int | float | None  # a number, a truth value, or None where it is undetermined
 Value = Scalar | list[Scalar]  # value of a measure: one, or a series with one for each cycle
 
+T_SYNC_S = "t_sync_s"  # name by which T_sync in seconds is asked for, as if it were a measure
+T_SYNC = (None, T_SYNC_S)  # what is asked for if not a measure; None is T_sync in cycles
+
 STEP_METHOD, STRETCH_METHOD = "step", "stretch"
 """Methods that are called with control steps of robots: with each, and with many in a row at once."""
 

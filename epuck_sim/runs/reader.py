@@ -8,7 +8,7 @@ import json
 import sqlite3
 import sys
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
-from epuck_sim.measures.measure import Value
+from epuck_sim.measures.measure import T_SYNC_S, Value
 from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
 from epuck_sim.runs.folder import DATABASE, current_holder, database_of
 from epuck_sim.runs.share import WHOLE, read_share
@@ -42,8 +42,8 @@ class PointTrials(NamedTuple):
     observed: BoolArray  # (trials,) whether each trial was synchronised then; otherwise it is censored
     seeds: Sequence[int]  # (trials,) seed of each trial
     measured: tuple[Value, ...] = ()
-    """(trials,) value of the requested measure in each trial; empty if none was requested."""
-    of: str | None = None  # name of the requested measure; None if none was requested
+    """(trials,) value of the requested measure, or the seconds, of each trial; empty if none was requested."""
+    of: str | None = None  # name of the requested measure, or `t_sync_s`; None if none was requested
     events: tuple[tuple[TrialEvent, ...], ...] = ()
     """(trials,) what changed in each trial: entries of the schedule, and faults."""
     has_t_sync: bool = True
@@ -100,13 +100,13 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
 
     Args:
         folder: A run folder.
-        of: Name of a measure whose values are read, too.
+        of: Name of a measure whose values are read, too; or `t_sync_s`, T_sync in seconds.
 
     Raises:
         StoreError: The folder is not a run folder, its database is damaged, or there is no such measure in it.
     """
     with reading(folder) as connection:
-        measured = measures_in(connection)
+        measured = [*measures_in(connection), T_SYNC_S]
         if of is not None and of not in measured:
             raise StoreError(f"{folder}: {did_you_mean(of, measured)}; measured: {comma_list(measured)}")
         any_events = connection.execute("SELECT 1 FROM trials WHERE events IS NOT NULL LIMIT 1").fetchone()
@@ -119,8 +119,12 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
             except ScenarioError as error:
                 raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
             cycles, censored, seeds = read_ends(connection, key)
-            values = () if of is None else _read_json(connection, key, "measured")
-            events = _read_json(connection, key, "events") if any_events else [None] * len(seeds)
+            values: Iterable[Value] = ()
+            if of == T_SYNC_S:
+                values = _read_column(connection, key, "simulated_s", float)
+            elif of is not None:
+                values = ((each or {}).get(of) for each in _read_column(connection, key, "measured"))
+            events = _read_column(connection, key, "events") if any_events else [None] * len(seeds)
             results.append(
                 PointTrials(
                     number=number,
@@ -130,7 +134,7 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
                     times=np.where(cycles == NULL, np.nan, cycles),
                     observed=censored == 0,
                     seeds=array("q", seeds.tobytes()),
-                    measured=tuple((each or {}).get(of) for each in values),
+                    measured=tuple(values),
                     of=of,
                     events=tuple(tuple(map(_event, each or ())) for each in events),
                     has_t_sync=read.stop.has_t_sync and not (censored == NULL).any(),
@@ -150,10 +154,12 @@ def read_ends(
     return cycles, censored, seeds
 
 
-def _read_json(connection: sqlite3.Connection, key: str, column: str) -> list[Any]:
-    """Return a column of JSON, decoded, for each trial of a point that has a result, in order."""
+def _read_column(
+    connection: sqlite3.Connection, key: str, column: str, decode: Callable[[Any], Any] = json.loads
+) -> list[Any]:
+    """Return a column, by default of JSON, decoded, for each trial of a point that has a result, in order."""
     query = f"SELECT {column} FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
-    return [text and json.loads(text) for (text,) in connection.execute(query, (key,))]
+    return [text and decode(text) for (text,) in connection.execute(query, (key,))]
 
 
 def _event(stored: dict[str, Any]) -> TrialEvent:

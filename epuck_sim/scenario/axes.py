@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.measures.measure import T_SYNC_S
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -122,8 +123,8 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
 
 
 def check_labels(labels: Collection[str], axes: Collection[str], measures: Iterable[str], origin: str) -> None:
-    """Raise EpuckSimError for a label whose key is not an axis, T_sync or the name of a measure."""
-    known = [*axes, "T_sync", *measures]
+    """Raise EpuckSimError for a label whose key is not an axis, T_sync, t_sync_s or the name of a measure."""
+    known = [*axes, "T_sync", T_SYNC_S, *measures]
     for key in labels:
         if key not in known:
             raise EpuckSimError(f"{origin}: {did_you_mean(key, known)}; allowed: {comma_list(known)}")

@@ -20,6 +20,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate, significant
+from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows
 from epuck_sim.statistics import Statistic
@@ -211,7 +212,7 @@ class Samples(NamedTuple):
 
 
 class PointComparison(NamedTuple):
-    """Two samples of T_sync, in cycles, or of a measure at one point, A and B."""
+    """Two samples of T_sync, or of a measure, at one point, A and B."""
 
     axes: dict[str, Any]
     trials: tuple[int, int]
@@ -241,7 +242,7 @@ class Comparison(NamedTuple):
     p_value: float  # probability that chance makes all points as different together; NaN where none is compared
     p_holm: float  # the same, corrected for the number of pairs
     test: str
-    of: str | None  # name of the measure that is compared; None for T_sync
+    of: str | None  # name of the measure that is compared; None for T_sync, `t_sync_s` for T_sync in seconds
 
 
 def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
@@ -450,7 +451,7 @@ def comparison_tables(compared: Sequence[Comparison], points: Points) -> list[Ta
 
 def _point_cells(point: PointComparison, of: str | None) -> dict[str, Any]:
     trials = dict(zip(("trials_a", "trials_b"), point.trials, strict=True))
-    censored = dict(zip(("censored_a", "censored_b"), map(Share, point.censored), strict=True)) if of is None else {}
+    censored = dict(zip(("censored_a", "censored_b"), map(Share, point.censored), strict=True)) if of in T_SYNC else {}
     names = ("first", "second", "difference", "ratio", "p_value", "p_holm")
     return {**trials, **censored, **{name: getattr(point, name) for name in names}}
 
@@ -469,7 +470,7 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
     yield f"Compared: {statistics}. p and interval{whose}: of {tested}; p: {tests}; Holm: corrected for their number."
     few = len(points) - sum(each.compared for each in compared)
     if few:
-        none = "with a value" if compared[0].of else "that synchronised"
+        none = "that synchronised" if compared[0].of in T_SYNC else "with a value"
         yield f"-: fewer than {MIN_TRIALS} trials on one side, or none {none}, at {counted(few, 'point')}."
     unaveraged = sum(each.compared - each.averaged for each in compared)
     if unaveraged:

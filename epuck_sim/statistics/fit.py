@@ -33,6 +33,7 @@ from epuck_sim.statistics.extrema import (
     search_extrema,
     smooth_logs,
 )
+from epuck_sim.statistics.statistic import MOST_CENSORED
 from epuck_sim.util.messages import counted
 
 Quantity = tuple[FloatArray, FloatArray]  # values, (C,), of curves, and resamples, (B, C); NaN where unknown
@@ -400,7 +401,8 @@ def fit_measure(
 
 def _fit_measure(run: str, of: str, axis: str, curve: Curve) -> MeasureFit:
     head = run, of, axis, curve.axes, curve.names[0]
-    usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & np.isfinite(curve.values)
+    usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & (curve.censored < MOST_CENSORED)
+    usable &= np.isfinite(curve.values)
     reason = _reason_against(curve, usable)
     if reason:
         return MeasureFit(*head, None, None, reason)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from epuck_sim.display.table import Row, Table
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
+from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import Measured, estimate, mean_and_error, measure, quantity
@@ -55,7 +56,7 @@ class TrialPlan(NamedTuple):
             why = "are censored at their limit" if is_limited else "have one value, or no share can differ by so much"
             said = f"No number of trials shows {wanted}: all {why}."
         else:
-            of = "" if self.of is None else f" with a value of {self.of}"
+            of = "" if self.of in T_SYNC else f" with a value of {self.of}"
             said = f"No point has {MIN_TRIALS} trials{of}, the fewest for a spread; run again with --trials 20 or more."
         over_all = f"Over all points together, if all differ alike: {self.over_all} at each."
         return [said, *[over_all] * (self.over_all is not None)]

@@ -16,7 +16,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.display.table import Row, Share, Table, plain
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
-from epuck_sim.measures.measure import Measure
+from epuck_sim.measures.measure import T_SYNC, T_SYNC_S, Measure
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.loader import describe_axes
 from epuck_sim.statistics import Statistic, survival
@@ -79,11 +79,12 @@ def restrict(samples: Sequence[Measured]) -> list[Measured]:
 def quantity(of: str | None, unit: str = "") -> str:
     """Return the name of T_sync, or of a measure, with its unit if it has one.
 
-    >>> quantity(None), quantity("near_walls"), quantity("way", "cm")
-    ('T_sync (cycles)', 'near_walls', 'way (cm)')
+    >>> quantity(None), quantity("t_sync_s"), quantity("near_walls"), quantity("way", "cm")
+    ('T_sync (cycles)', 'T_sync (s)', 'near_walls', 'way (cm)')
     """
-    name, unit = ("T_sync", "cycles") if of is None else (of, unit)
-    return f"{name} ({unit})" if unit else name
+    if of is None or of == T_SYNC_S:
+        of, unit = "T_sync", "cycles" if of is None else "s"
+    return f"{of} ({unit})" if unit else of
 
 
 def measure_of(point: PointTrials) -> Measure | None:
@@ -110,7 +111,7 @@ def check_units(points: Sequence[PointTrials]) -> None:
 
 
 def measure_t_sync(point: PointTrials) -> Measured:
-    """Return T_sync, in cycles, of a point's trials; raise StoreError if they have none."""
+    """Return T_sync of a point's trials, in seconds if these were requested; raise StoreError if they have none."""
     if not point.has_t_sync:
         names = comma_list([section.name for section in point.scenario.measures])
         where = f"point {point.number} ({describe_axes(point.axes)}): " if point.axes else ""
@@ -119,7 +120,13 @@ def measure_t_sync(point: PointTrials) -> Measured:
             f"was measured: {names} (--of NAME, or read_points(folder, of=NAME))"
         )
     limit = float(point.scenario.stop.max_cycles)
-    return Measured(point.times, point.observed, limit, point.seed, unit="cycles")
+    if point.of != T_SYNC_S:
+        return Measured(point.times, point.observed, limit, point.seed, unit="cycles")
+    if getattr(point.scenario.stop, "further_cycles", 0):
+        raise StoreError("t_sync_s is unknown where trials go on after synchrony: stop.further_cycles is not 0")
+    seconds = np.array(point.measured, float)
+    slowest = float((seconds / np.maximum(point.times, 1)).max(initial=1))
+    return Measured(seconds, point.observed, limit * slowest, point.seed, unit="s")
 
 
 def measure(point: PointTrials) -> Measured:
@@ -128,7 +135,7 @@ def measure(point: PointTrials) -> Measured:
     Values that are undetermined are left out. Truth values count as 1 and 0, so that their mean is the share of trials
     in which they are true. StoreError is raised for series, and where trials have no T_sync.
     """
-    if point.of is None:
+    if point.of in T_SYNC:
         return measure_t_sync(point)
     if any(isinstance(value, list) for value in point.measured):
         raise StoreError(

@@ -14,9 +14,11 @@ from scipy import stats
 from epuck_sim import StoreError, points, read_points
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.statistics import Statistic, curves
+from epuck_sim.statistics.comparison import compare, match_values
 from epuck_sim.statistics.curves import series_statistics, series_table, summarize_series
 from epuck_sim.statistics.statistic import (
     Measured,
+    PointSummary,
     estimate,
     estimate_mean,
     estimate_median,
@@ -289,6 +291,29 @@ def test_the_horizon_is_the_longest_follow_up_where_trials_ran_out_of_time_befor
     assert early.restricted_mean == pytest.approx((10 + 20 + 30 + 30) / 4)
     followed = one_summary([10, 20, 40], [True, False, True])
     assert (followed.horizon, followed.restricted_mean) == (40, pytest.approx(10 + 30 * 2 / 3))
+
+
+def test_t_sync_in_seconds_is_censored_as_cycles_are_and_unknown_where_trials_go_on_after_synchrony(tmp_path) -> None:
+    limits = {"max_cycles": 40}
+    store(tmp_path / "run", sweep({SPEED: [1, 2]}, stop=limits), lambda point: weibull(point, 30 * point.axes[SPEED]))
+    cycles, seconds = (read_points(tmp_path / "run", of) for of in (None, "t_sync_s"))  # a cycle lasts 5 s there
+    assert summaries_of(seconds).label == "T_sync (s)"
+    for one, other in zip(summaries_of(cycles), summaries_of(seconds), strict=True):
+        assert 0 < one.censored == other.censored
+        assert all(5 * end == pytest.approx(own) for end, own in zip(ends(one), ends(other), strict=True))
+    frame = seconds.to_pandas()
+    assert frame["t_sync_s"].equals(5 * frame["t_sync_cycles"])
+    of_cycles, of_seconds = (compare(match_values(read, SPEED, [1, 2]))[0] for read in (cycles, seconds))
+    assert of_seconds.of == "t_sync_s"
+    assert (of_seconds.ratio.ends, of_seconds.p_value) == (pytest.approx(of_cycles.ratio.ends), of_cycles.p_value)
+    further = in_memory(sweep(stop={**limits, "further_cycles": 5}), lambda point: weibull(point, 30))
+    with pytest.raises(StoreError, match="t_sync_s is unknown where trials go on"):
+        summaries_of([point._replace(of="t_sync_s", measured=tuple(point.times)) for point in further])
+
+
+def ends(summary: PointSummary) -> list[float]:
+    """Return all estimates, and the ends of their intervals, that are known."""
+    return [end for each in summary.estimates.values() for end in each.ends if math.isfinite(end)]
 
 
 def test_statistics_of_a_measure_are_those_of_the_sample_of_truth_values_shares_and_of_known_values_alone() -> None:

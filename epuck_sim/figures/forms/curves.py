@@ -18,7 +18,7 @@ from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form, draw_trials, joined, names_of
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
 from epuck_sim.figures.saving import tabulate, tabulate_rows
-from epuck_sim.measures.measure import SERIES_COLUMNS
+from epuck_sim.measures.measure import SERIES_COLUMNS, T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics import Statistic
@@ -31,7 +31,7 @@ POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 MAX_CURVES = 500  # largest number of curves of a figure; more are neither told apart nor quickly drawn
 
 MAX_EXTRAPOLATION = 100
-"""Largest Weibull mean that is shown, as a multiple of the limit of cycles; larger ones are extrapolated too far."""
+"""Largest Weibull mean that is shown, as a multiple of the limit of trials; larger ones are extrapolated too far."""
 
 CROSS_ROW, MOST_CROSSES = 0.045, 0.36
 """Height of a row of crosses at the upper edge of a panel, one for each curve that has any, and of all rows, which are
@@ -75,7 +75,7 @@ class Curves(Form):
     @cached_property
     def searches(self) -> Sequence[ExtremaSearch]:
         """Minimum and peak of each curve of T_sync against speed; none of a measure."""
-        if self.of is not None or not self.axis.endswith(SPEED):
+        if self.of not in T_SYNC or not self.axis.endswith(SPEED):
             return [NOT_A_SPEED] * len(self.curves)
         return [search_extrema(curve) for curve in self.curves]
 
@@ -118,7 +118,7 @@ class Curves(Form):
     def tables(self) -> Mapping[str, str]:
         """The points of the curves, and of T_sync their minima and peaks."""
         points = {".csv": curves_table(self.axis, self.curves)}
-        if self.of is not None:
+        if self.of not in T_SYNC:
             return points
         each = zip(self.curves, self.searches, strict=True)
         return {**points, "-regimes.csv": tabulate_rows([_extrema_row(*found) for found in each])}
@@ -158,7 +158,7 @@ class Curves(Form):
                 draw_trials(panel, places, curve, look.colour)
         self._label_marks(panels[0])
         for panel in panels:
-            if self.of is None:
+            if self.of in T_SYNC:
                 panel.set_ylim(top=min(panel.get_ylim()[1], (3 if is_log else 1.5) * highest))
             if math.isfinite(highest):
                 _make_room(panel, highest, height * len(crossed) + 0.8 * CROSS_ROW if crossed else 0.0)
@@ -168,10 +168,11 @@ class Curves(Form):
         dots = [each.values for curve in self.curves for each in curve.measured if self.settings.points]
         values = np.concatenate([joined(self.curves, "values"), *dots, *self.others])
         known = values[np.isfinite(values)]
-        if self.of is not None:
+        if self.of not in T_SYNC:
             highest, ends = float(known.max(initial=-math.inf)), joined(self.curves, "intervals")[:, 1]
             return highest, float(ends[np.isfinite(ends)].max(initial=highest))
-        longest = MAX_EXTRAPOLATION * max(curve.scenario.stop.max_cycles for curve in self.curves)
+        limits = (each.limit for curve in self.curves for each in curve.measured)
+        longest = MAX_EXTRAPOLATION * max(limits, default=math.inf)
         return min(float(known.max(initial=1.0)), longest), 1e12
 
     def _label_marks(self, panel: Axes) -> None:

@@ -14,6 +14,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.labels import axis_label, format_axis_values, short_files
 from epuck_sim.figures.style import finish, make_panels, style, typeset
+from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, distinguishing_axes
 from epuck_sim.statistics.curves import Curve
@@ -154,7 +155,7 @@ def check_has_values(points: Sequence[PointTrials], form: str) -> None:
     if any(measure(point).observed.any() for point in points):
         return
     of = points[0].of
-    if of is not None:
+    if of not in T_SYNC:
         raise EpuckSimError(f"no trial has a value of {of}, so --form {form} would be blank")
     raise EpuckSimError(
         f"all trials are censored, so --form {form} would be blank; raise stop.max_cycles, or draw --form curves, "

@@ -18,6 +18,7 @@ from epuck_sim.figures import style
 from epuck_sim.figures.forms.curves import curves_table
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values, joined, names_of
 from epuck_sim.figures.labels import statistic_label
+from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis
 from epuck_sim.statistics import Statistic
@@ -163,7 +164,7 @@ def _draw_cells(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, edges: 
         grey = np.ma.masked_where(~is_undetermined, np.zeros(each.values.shape))
         looks: Any = {"edgecolor": "0.55", "linewidth": 0, "antialiased": False}
         cells = panel.pcolor(*edges, grey, cmap=ListedColormap([GREY]), **looks)
-        reason = "half of the trials or more are censored" if each.rows[0].of is None else "no trial has a value"
+        reason = "half of the trials or more are censored" if each.rows[0].of in T_SYNC else "no trial has a value"
         cells.set(hatch="////", label=reason)
         cells.update_scalarmappable()  # so that the legend has the same colour
 

@@ -56,7 +56,7 @@ def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
     """Return predictions of curves of T_sync; raise EpuckSimError if the axis or a swarm cannot be predicted."""
     if curves[0].of is not None or axis not in AXES:
         this = f"{curves[0].of or 'this'} is against {axis}"
-        raise EpuckSimError(f"predictions are of T_sync against {' or '.join(AXES)}, but {this}")
+        raise EpuckSimError(f"predictions are of T_sync in cycles against {' or '.join(AXES)}, but {this}")
     if len(curves) > MOST_CURVES:
         raise EpuckSimError(f"predictions are of up to {MOST_CURVES} curves, but these are {len(curves)}")
     check_speed_alone(curves)

@@ -16,6 +16,7 @@ from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials, joined
 from epuck_sim.figures.labels import format_value, short_files, undetermined_label
 from epuck_sim.figures.saving import tabulate
+from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, numeric_axes
 from epuck_sim.statistics import Statistic
@@ -78,7 +79,7 @@ class Violins(Form):
 
     @property
     def shows(self) -> str:
-        estimates = "means" if self.of else "Weibull means"
+        estimates = "Weibull means" if self.of in T_SYNC else "means"
         what = f"Distribution of {self.quantity} against {self.labels[0]}, with {estimates} and their 95 % intervals"
         observed = [each.observed for curve in self.curves for each in curve.measured]
         trials = np.concatenate(observed)
@@ -94,10 +95,10 @@ class Violins(Form):
     def _columns(self, curve: Curve) -> dict[str, Any]:
         values = [self.names[int(place)] for place in curve.x] if self.names else curve.x
         found: dict[str, Any] = {self.axis: values, "trials": curve.trials}
-        if self.of is None:
+        if self.of in T_SYNC:
             found |= {"censored": curve.censored, "mean": sample_means(curve)}
-        name = "weibull" if self.of is None else "mean"
-        ends = "weibull_mean" if self.of is None else "mean", f"{name}_low", f"{name}_high"
+        name = "weibull" if self.of in T_SYNC else "mean"
+        ends = "weibull_mean" if self.of in T_SYNC else "mean", f"{name}_low", f"{name}_high"
         return found | dict(zip(ends, (curve.values, *curve.intervals.T), strict=True))
 
     def draw(self, panels: Sequence[Axes]) -> None:
@@ -120,13 +121,13 @@ class Violins(Form):
                 limit = style.format_tick(self.censored_at, plain=style.is_plain(1, self.censored_at))
                 label = f"{style.typeset('T_cens')} of the Weibull mean: {limit}"
                 panel.axhline(self.censored_at, color=style.GREY, linestyle="--", linewidth=1, label=label)
-        if self.of is None and has_logs:
+        if self.of in T_SYNC and has_logs:
             for panel in panels:
                 panel.set_ylim(top=3 * float(np.nanmax(np.concatenate([shown, *dots]), initial=self.censored_at or 1)))
 
     def _draw_violins(self, panel: Axes, curve: Curve, half_width: float, is_log: bool, has_logs: bool) -> None:
         """Draw violins with this largest half-width, in decades where x is logarithmic."""
-        label = "trials that synchronised" if self.of is None else "trials"
+        label = "trials that synchronised" if self.of in T_SYNC else "trials"
         for x, times in zip(curve.x, synchronised(curve), strict=True):
             if len(times):
                 heights, widths = density(times, of_logarithms=has_logs)
@@ -136,14 +137,14 @@ class Violins(Form):
 
     def _draw_estimates(self, panel: Axes, curve: Curve) -> None:
         low, high = np.nan_to_num(curve.intervals, posinf=1e12, nan=np.nan).T
-        label = "Weibull mean (Appendix A)" if self.of is None else "mean"
+        label = "Weibull mean (Appendix A)" if self.of in T_SYNC else "mean"
         panel.plot(curve.x, curve.values, ".-", color=LINE, label=label)
         style.draw_intervals(panel, curve.x, low, high, LINE, "its 95 % interval")
         unknown = curve.x[np.isnan(curve.values)]
         if len(unknown):
             at, place = np.full(len(unknown), CROSS_AT), panel.get_xaxis_transform()
             panel.plot(unknown, at, "x", color=LINE, transform=place, label=undetermined_label(self.of))
-        if self.of is None and not np.isnan(means := sample_means(curve)).all():
+        if self.of in T_SYNC and not np.isnan(means := sample_means(curve)).all():
             panel.plot(curve.x, means, "D", color="black", markersize=3, label="mean of all trials")
 
 
@@ -153,7 +154,7 @@ def read_violins(points: Sequence[PointTrials], axis: str, censored_at: int | No
     Estimates are Appendix A's means, with `censored_at` as if trials were censored at that cycle; or a measure's means.
     """
     of = points[0].of
-    curves = read_curves(points, axis, Statistic.WEIBULL_MEAN if of is None else Statistic.MEAN, censored_at)
+    curves = read_curves(points, axis, Statistic.WEIBULL_MEAN if of in T_SYNC else Statistic.MEAN, censored_at)
     if any(curve.is_share for curve in curves):
         raise EpuckSimError(f"{of} is a truth value, whose distribution is a share: give --form curves")
     return curves
