@@ -155,10 +155,10 @@ class SweepProgressBar(_ProgressLine):
         super().__init__(BarColumn(), TextColumn("{task.description}"))
         self._began: float | None = None
         self._at_limit: dict[int, float] = {}  # number of trials of each point, if all have reached their limit
-        self._told = 0  # number of points for which a line was printed, or would be if they were few
+        self._has_told = False  # whether a line was printed about a point at its limit
         self.progress: SweepProgress | None = None
         self.points: Sequence[Point] = ()
-        """Points of the sweep; for each of them, a line is printed once if its trials reach their limit."""
+        """Points of the sweep; a line is printed about the first whose trials reach their limit."""
 
     def __call__(self, progress: "SweepProgress") -> None:
         """Show the progress, if it is time to."""
@@ -177,23 +177,17 @@ class SweepProgressBar(_ProgressLine):
         self.show(self._words(progress, now), done, progress.trials)
 
     def _note(self, point: "Point", *, is_censored: bool) -> None:
-        """Count a trial of a point; print a line once enough trials, and no other ones, have reached their limit.
-
-        Only the first points are named: there may be thousands.
-        """
+        """Count a trial of a point; print one line once enough trials, and no other ones, have reached their limit."""
         count = self._at_limit.get(point.number, 0) + (1 if is_censored else -math.inf)
         self._at_limit[point.number] = count
         if count < 0:
             return
-        from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit
+        from epuck_sim.cli.tables import describe_at_limit
         from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
 
-        if count == min(FEW_TRIALS, point.scenario.trials):
-            self._told += 1
-            lines = describe_at_limit([PointAtLimit(point.number, point.axes, int(count))])
-            more = ["so it is at further points, which `status` counts"] * (self._told == MOST_LISTED + 1)
-            for line in lines if self._told <= MOST_LISTED else more:
-                print_stderr(line)
+        if count == min(FEW_TRIALS, point.scenario.trials) and not self._has_told:
+            self._has_told = True
+            print_stderr(*describe_at_limit([PointAtLimit(point.number, point.axes, int(count))]))
 
     def _words(self, progress: "SweepProgress", now: float) -> str:
         failed = f", {progress.failed} failed" if progress.failed else ""

@@ -94,7 +94,7 @@ def _summary(results: "Sequence[TrialResult]", max_cycles: int) -> str:
 
 
 MOST_LISTED = 10
-"""Maximum number of failed trials, of shares without a folder, and of points at their limit, that are listed."""
+"""Maximum number of failed trials, and of shares without a folder, that are listed."""
 
 
 def print_status(status: "Status", as_json: bool, looks: Table | None = None) -> None:
@@ -128,18 +128,16 @@ def print_status(status: "Status", as_json: bool, looks: Table | None = None) ->
 
 
 def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:
-    """Return a line for each of the first points whose trials all reach their limit; the last ends with what to do."""
+    """Return a line that counts points whose trials all reach their limit, names the first, and says what to do."""
     from epuck_sim.scenario.loader import describe_axes
 
-    lines = [
-        f"{f'at {describe_axes(each.axes)}, ' if each.axes else ''}every trial so far ({each.trials}) reaches the limit"
-        for each in points[:MOST_LISTED]
-    ]
-    if len(points) > MOST_LISTED:
-        lines.append(f"and so it is at {counted(len(points) - MOST_LISTED, 'further point')}")
-    if lines:
-        lines[-1] += "; go on, or take another limit in a new folder: --set stop.max_cycles=N, or stop.max_time_s=S"
-    return lines
+    if not points:
+        return []
+    first = describe_axes(points[0].axes)
+    at = f"at {len(points)} points, the first with {first}" if len(points) > 1 else f"at {first}" if first else ""
+    trials = sum(each.trials for each in points)
+    reached = f"{f'{at}, ' if at else ''}every trial so far ({trials}) reaches the limit"
+    return [f"{reached}; go on, or take another limit in a new folder: --set stop.max_cycles=N, or stop.max_time_s=S"]
 
 
 def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:

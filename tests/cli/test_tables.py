@@ -158,38 +158,30 @@ def test_on_a_narrow_terminal_lines_end_between_words(capsys, monkeypatch) -> No
 WHAT_TO_DO = "; go on, or take another limit in a new folder: --set stop.max_cycles=N, or stop.max_time_s=S"
 
 
-def test_points_whose_trials_all_reach_their_limit_are_named_the_first_of_many(capsys) -> None:
-    rows = [PointAtLimit(n, {"coupling": n} if n else {}, 24) for n in range(MOST_LISTED + 2)]
-    print_status(status(at_limit=rows), as_json=False)
-    *_, first, second = capsys.readouterr().out.splitlines()[: -MOST_LISTED + 1]
-    assert first == "  every trial so far (24) reaches the limit"
-    assert second == "  at coupling = 1, every trial so far (24) reaches the limit"
-    assert describe_at_limit(rows)[-1] == f"and so it is at 2 further points{WHAT_TO_DO}"
-    assert describe_at_limit(rows[:1]) == [f"every trial so far (24) reaches the limit{WHAT_TO_DO}"]
+def test_points_whose_trials_all_reach_their_limit_are_counted_and_the_first_is_named(capsys) -> None:
+    points = [PointAtLimit(n, {"coupling": n}, 24) for n in range(1, 4)]
+    print_status(status(at_limit=points), as_json=False)
+    reached = "every trial so far (24) reaches the limit"
+    said = capsys.readouterr().out.splitlines()[-1]
+    assert said == f"  at 3 points, the first with coupling = 1, {reached.replace('24', '72')}{WHAT_TO_DO}"
+    assert describe_at_limit(points[:1]) == [f"at coupling = 1, {reached}{WHAT_TO_DO}"]
+    assert describe_at_limit([PointAtLimit(0, {}, 24)]) == [f"{reached}{WHAT_TO_DO}"]
+    assert not describe_at_limit([])
 
 
 @pytest.mark.usefixtures("sweeps_run_here")
-def test_while_a_sweep_runs_it_is_said_once_of_each_such_point_of_a_run(tmp_path) -> None:
+def test_while_a_sweep_runs_it_is_said_of_the_first_such_point_and_then_of_all(tmp_path) -> None:
     """Of twenty trials, or of as many as there are; one that is synchronised is enough for a point not to be one."""
     for trials in (3, 22):
         folder = tmp_path / str(trials)
         axes = ["--sweep", "coupling=1e-6,2e-6,10", "--set", "max_cycles=6", "--set", "order_parameter=0.9"]
         result = call("run", "thesis", *axes, "--trials", trials, "--out", folder)
-        said = [line for line in result.stderr.splitlines() if "reaches the limit" in line]
-        at = "at robots.0.parameters.coupling = {}, every trial so far ({}) reaches the limit"
-        assert sorted(said) == [at.format(coupling, min(trials, 20)) + WHAT_TO_DO for coupling in ("1e-06", "2e-06")]
-        ends = [at.format(coupling, trials) for coupling in ("1e-06", "2e-06")]
+        (said,) = [line for line in result.stderr.splitlines() if "reaches the limit" in line]
+        first, reached = "robots.0.parameters.coupling = 1e-06, every trial so far", f"reaches the limit{WHAT_TO_DO}"
+        assert said == f"at {first} ({min(trials, 20)}) {reached}"
         for printed in (result.stdout, called("status", folder), called("plan", folder)):
-            shown = [line.strip() for line in printed.splitlines() if "reaches the limit" in line]
-            assert shown == [ends[0], ends[1] + WHAT_TO_DO]
-
-
-@pytest.mark.usefixtures("sweeps_run_here")
-def test_while_a_sweep_of_many_such_points_runs_the_first_are_named(tmp_path) -> None:
-    axes = ["--sweep", f"coupling=1e-6:2e-6:{MOST_LISTED + 5}:lin", "--set", "max_cycles=1"]
-    _, _, *said = call("run", "particles", *axes, "--trials", 1, "--out", tmp_path / "run").stderr.splitlines()
-    assert said[MOST_LISTED] == "so it is at further points, which `status` counts"
-    assert ["reaches the limit" in line for line in said] == [True] * MOST_LISTED + [False] * 2
+            (shown,) = [line.strip() for line in printed.splitlines() if "reaches the limit" in line]
+            assert shown == f"at 2 points, the first with {first} ({2 * trials}) {reached}"
 
 
 def trial(number: int, **changes) -> TrialResult:
