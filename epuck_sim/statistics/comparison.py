@@ -58,13 +58,13 @@ class Pair(NamedTuple):
     @property
     def is_positive(self) -> bool:
         """Whether all values are positive, so that the means have a ratio."""
-        return all(bool((each.values > 0).all()) for each in self)
+        return all(each.is_positive for each in self)
 
     @property
     def is_comparable(self) -> bool:
-        """Whether both have enough trials, and some trials are uncensored."""
+        """Whether both have enough trials, and some trials are uncensored at their common horizon."""
         enough = min(len(each.values) for each in self) >= MIN_TRIALS
-        return enough and any(each.observed.any() for each in self)
+        return enough and any(each.observed.any() for each in restrict(self))
 
     @property
     def is_censored_early(self) -> bool:
@@ -83,8 +83,9 @@ class Contrast(NamedTuple):
 
 
 def pair_up(first: Measured, second: Measured) -> Pair:
-    """Return two samples, cut at the lower of their horizons if trials of either are censored."""
-    return Pair(*restrict((first, second)))
+    """Return two samples, cut at the lower of their horizons if trials are censored, unless none is known up to it."""
+    cut = restrict((first, second))
+    return Pair(*cut) if any(each.observed.any() for each in cut) else Pair(first, second)
 
 
 def contrast(pair: Pair, *, of_logarithms: bool) -> Contrast:
@@ -216,7 +217,7 @@ class PointComparison(NamedTuple):
 
     axes: dict[str, Any]
     trials: tuple[int, int]
-    censored: tuple[float, float]  # share of censored trials of each, at the lower of the two limits
+    censored: tuple[float, float]  # share of censored trials of each, at the lower limit if they are compared
     statistic: str
     """Mean, restricted mean where trials are censored, or share of truth values that are true."""
     first: Estimate  # undetermined where all trials are censored, as are difference and ratio then

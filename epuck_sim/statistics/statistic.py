@@ -20,7 +20,7 @@ from epuck_sim.measures.measure import T_SYNC, T_SYNC_S, Measure
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.loader import describe_axes
 from epuck_sim.statistics import Statistic, survival
-from epuck_sim.util.messages import comma_list
+from epuck_sim.util.messages import comma_list, counted
 
 RESAMPLES = 1000  # number of resamples of each point
 MOST_CENSORED = 0.5  # least share of censored trials at which figures hatch a point, and minima and peaks leave it out
@@ -41,6 +41,11 @@ class Measured(NamedTuple):
     def censored(self) -> float:
         """Share of the trials that is censored."""
         return 1 - float(self.observed.mean()) if len(self.observed) else 0.0
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether all known values are positive; a trial that is censored at 0 is not known to be 0."""
+        return bool((self.values[self.observed] > 0).all())
 
     @property
     def supports_interval(self) -> bool:
@@ -243,7 +248,7 @@ def estimate_mean(measured: Measured, level: float = LEVEL) -> Estimate:
     mean, error, freedom = mean_and_error(measured)
     if len(measured.values) < MIN_TRIALS or error == 0:
         return Estimate(mean)
-    if (measured.values <= 0).any():
+    if not measured.is_positive:
         return student_estimate(mean, error, freedom, level)
     factor = math.exp(student_quantile(freedom, level) * error / mean)
     highest = math.inf if measured.observed.all() else measured.horizon
@@ -277,7 +282,7 @@ def resample_means(measured: Measured, resamples: int) -> FloatArray:
     else:
         curves = survival.resampled_curves(measured.values, measured.observed, resamples, measured.seed)
         drawn = np.concatenate([survival.restricted_means(block, measured.horizon) for block in curves])
-    if (measured.values <= 0).any():
+    if not measured.is_positive:
         return mean + widening * (drawn - mean)
     return mean * (drawn / mean) ** widening
 
@@ -380,6 +385,7 @@ class PointSummary(NamedTuple):
     horizon: float
     """Limit of cycles of T_sync, or the longest trial where some were censored before this limit; inf for a measure."""
     is_share: bool = False  # whether the mean is the share of trials in which a truth value is true
+    unbegun: int = 0  # number of trials that are censored at 0 cycles
 
     def record(self) -> dict[str, Any]:
         """Return the point as JSON holds it: each estimate with `_low` and `_high`, null where there is none."""
@@ -423,6 +429,9 @@ class Summaries(list[PointSummary]):
                 "Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit "
                 "of cycles, or the longest trial. Weibull mean: extrapolated by thesis Appendix A. -: undetermined."
             )
+        if unbegun := sum(point.unbegun for point in self):
+            never = f"{counted(unbegun, 'trial')}, whose reference never fired"
+            notes.append(f"Censored at 0 cycles, so without effect: {never}.")
         few = sum(0 < point.trials < MIN_TRIALS for point in self)
         if few:
             notes.append(f"No intervals at {few} of {len(self)} points: one takes {MIN_TRIALS} trials or more.")
@@ -455,4 +464,5 @@ def _summarize_point(point: PointTrials) -> PointSummary:
         return PointSummary(point.number, point.axes, 0, 0.0, nothing, measured.limit)
     estimates = {name: of(measured) for name, of in SUMMARIES.items()}
     head = point.number, point.axes, len(measured.values), measured.censored
-    return PointSummary(*head, estimates, measured.horizon, measured.is_share)
+    unbegun = int(np.count_nonzero(measured.values[~measured.observed] == 0))
+    return PointSummary(*head, estimates, measured.horizon, measured.is_share, unbegun)

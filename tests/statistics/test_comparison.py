@@ -184,6 +184,15 @@ def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_int
         assert math.isnan(unknown.value)
 
 
+def test_what_is_known_of_one_side_stays_beside_another_of_which_nothing_is_known() -> None:
+    known = ended([0, 0, 40, 60, 100, 100, 100], [False, False, True, True, False, False, False])
+    sides = known, ended([0] * 7, [False] * 7)
+    (point,) = compared(*(in_memory(sweep({SPEED: [1]}), lambda _, side=side: side) for side in sides)).points
+    assert point.censored == (pytest.approx(5 / 7), 1)
+    assert (point.first.value, point.first.high) == (80, 100)  # zeros have no effect, and no mean exceeds its horizon
+    assert np.isnan([point.second.value, point.difference.value, point.ratio.value, point.p_value]).all()
+
+
 def test_the_interval_is_of_what_is_tested() -> None:
     for low, tested, other in ((1, "ratio", "difference"), (-20, "difference", "ratio")):
         values = [[*range(low, 40 + low)], [*range(low, 80 + low, 2)]]

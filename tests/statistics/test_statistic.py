@@ -293,6 +293,11 @@ def test_the_horizon_is_the_longest_follow_up_where_trials_ran_out_of_time_befor
     assert (followed.horizon, followed.restricted_mean) == (40, pytest.approx(10 + 30 * 2 / 3))
 
 
+def test_trials_whose_reference_never_fired_are_counted() -> None:
+    summary = summaries_of(in_memory(sweep(), lambda _: ended([10, 0, 0], [True, False, False])))
+    assert "Censored at 0 cycles, so without effect: 2 trials, whose reference never fired." in summary.table().notes
+
+
 def test_t_sync_in_seconds_is_censored_as_cycles_are_and_unknown_where_trials_go_on_after_synchrony(tmp_path) -> None:
     limits = {"max_cycles": 40}
     store(tmp_path / "run", sweep({SPEED: [1, 2]}, stop=limits), lambda point: weibull(point, 30 * point.axes[SPEED]))
