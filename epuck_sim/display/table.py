@@ -26,6 +26,10 @@ class Share(float):
     """A share, which is shown to people in per cent."""
 
 
+class AtMost(float):
+    """A number that is an upper bound, and is shown as one."""
+
+
 class Row(NamedTuple):
     """A row of a table."""
 
@@ -109,13 +113,15 @@ class _Column(NamedTuple):
 def cell_text(cell: Any) -> str:
     """Return the text of a cell for people.
 
-    >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.051), 2**53, 0.00123456, None, True)]
-    ['44 [29, 67]', '5 %', '9007199254740992', '0.00123', '-', 'yes']
+    >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.051), 2**53, AtMost(0.00123456), None, True)]
+    ['44 [29, 67]', '5 %', '9007199254740992', '<= 0.00123', '-', 'yes']
     """
     if cell is None or isinstance(cell, bool):
         return {None: "-", True: "yes", False: "no"}[cell]
     if isinstance(cell, Share):
         return "-" if math.isnan(cell) else f"{100 * cell:.0f} %"
+    if isinstance(cell, AtMost):
+        return f"<= {significant(cell)}"
     if isinstance(cell, list):
         return f"{len(cell)} values"
     return significant(cell) if isinstance(cell, float) else str(cell)

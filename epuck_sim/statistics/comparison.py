@@ -17,9 +17,9 @@ import numpy as np
 from scipy.special import erfc
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.display.table import Row, Share, Table
+from epuck_sim.display.table import AtMost, Row, Share, Table, cell_text
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate, significant
+from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows
@@ -174,9 +174,13 @@ def studentised(permuted: Sequence[Permuted]) -> FloatArray:
 
 
 def share_as_large(statistics: FloatArray) -> float:
-    """Return the p-value of the first of some statistics, (1 + B,): the share that is as large, itself included."""
+    """Return the p-value of the first of some statistics, (1 + B,): the share that is as large, itself included.
+
+    It is a bound if no other is as large.
+    """
     sizes = np.abs(statistics)
-    return float((sizes >= sizes[0] * (1 - 1e-9)).mean())
+    are_as_large = sizes >= sizes[0] * (1 - 1e-9)
+    return (AtMost if are_as_large.sum() == 1 else float)(are_as_large.mean())
 
 
 def log_rank_parts(pair: Pair) -> tuple[float, float]:
@@ -409,7 +413,7 @@ def _permutation_test(pairs: Sequence[Pair], *, of_logarithms: bool) -> tuple[li
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for their number by Holm's method; NaN do not count.
+    """Return p-values corrected for their number by Holm's method; NaN do not count, and bounds stay bounds.
 
     >>> holm([0.01, 0.04, math.nan, 0.03])
     [0.03, 0.06, nan, 0.06]
@@ -418,7 +422,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
     known = sorted((place for place, p in enumerate(p_values) if not math.isnan(p)), key=lambda each: p_values[each])
     for rank, place in enumerate(known):
         largest = max(largest, min(1.0, (len(known) - rank) * p_values[place]))
-        corrected[place] = largest
+        corrected[place] = type(p_values[place])(largest)
     return corrected
 
 
@@ -442,7 +446,7 @@ def comparison_tables(compared: Sequence[Comparison], points: Points) -> list[Ta
     ]
     notes = [*_notes(compared, headings), *([_over_all(first, headings)] if is_one else [])]
     table = Table(title, rows, list(filter(None, notes)), headings)
-    if is_one:
+    if is_one or max(each.compared for each in compared) < 2:
         return [table]
     found = list(zip(pairs, compared, strict=True))
     tested = list(dict.fromkeys(each.tested for each in compared))
@@ -469,6 +473,10 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
     )
     whose = " (Newcombe's)" if statistics == "share" else ""
     yield f"Compared: {statistics}. p and interval{whose}: of {tested}; p: {tests}; Holm: corrected for their number."
+    restricted = sum(max(point.censored) > 0 and point.ratio.has_interval for point in points)
+    if restricted:
+        where = counted(restricted, "point")
+        yield f"Restricted at {where}: a factor that makes all times of a side longer is farther from 1 than the ratio."
     few = len(points) - sum(each.compared for each in compared)
     if few:
         none = "that synchronised" if compared[0].of in T_SYNC else "with a value"
@@ -483,8 +491,8 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
 
 
 def _over_all(each: Comparison, headings: Mapping[str, str]) -> str:
-    if not each.compared:
-        return ""
+    if each.compared < 2:
+        return ""  # its row says all
     mean = "geometric mean" if each.tested == "ratio" else "mean"
     found = f"{headings[each.tested]} = {getattr(each, each.tested)}, the {mean} of {counted(each.averaged, 'point')}; "
-    return f"Over all: {found * bool(each.averaged)}p = {significant(each.p_value)}"
+    return f"Over all: {found * bool(each.averaged)}p = {cell_text(each.p_value)}".replace("= <=", "<=")

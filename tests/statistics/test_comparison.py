@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from lifelines.statistics import logrank_test
 from scipy import stats
 
+from epuck_sim.display.table import cell_text
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import comparison
 from epuck_sim.statistics.comparison import compare, comparison_tables, contrast, match_points, match_values, pair_up
@@ -193,6 +194,26 @@ def test_what_is_known_of_one_side_stays_beside_another_of_which_nothing_is_know
     assert np.isnan([point.second.value, point.difference.value, point.ratio.value, point.p_value]).all()
 
 
+def test_a_ratio_of_restricted_means_is_nearer_to_1_than_that_of_whole_ones_and_the_table_says_so() -> None:
+    whole, cut = (both(lambda _, seed: 40 + 60 * seed, stop=stop) for stop in (5000, 60))
+    found = [compared(*each) for each in (whole, cut)]
+    assert found[0].ratio.value > found[1].ratio.value > 1
+    said = [
+        any("Restricted at 5 points" in note for note in comparison_tables([each], cut[0])[0].notes) for each in found
+    ]
+    assert said == [False, True]
+
+
+def test_a_p_value_of_which_no_permutation_is_as_large_is_shown_as_a_bound_and_one_point_once() -> None:
+    sides = [in_memory(sweep(), lambda _, low=low: ended(range(low, low + 20))) for low in (10, 60, 60)]
+    found = compare(folders(*sides))
+    (table,) = comparison_tables(found, sides[0])
+    shown = [[*map(cell_text, (row.cells["p_value"], row.cells["p_holm"]))] for row in table.rows]
+    assert shown == [["<= 0.0002", "<= 0.0006"], ["<= 0.0002", "<= 0.0006"], ["1", "1"]]
+    assert table.records()[0]["p_value"] == 0.0002
+    assert not any("Over all" in note for note in comparison_tables(found[:1], sides[0])[0].notes)
+
+
 def test_the_interval_is_of_what_is_tested() -> None:
     for low, tested, other in ((1, "ratio", "difference"), (-20, "difference", "ratio")):
         values = [[*range(low, 40 + low)], [*range(low, 80 + low, 2)]]
@@ -226,7 +247,7 @@ def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() ->
     first, second = (in_memory(sweep({SPEED: [1, 2]}), law) for law in (slow, lambda _: ended(range(20, 40))))
     (table,) = comparison_tables([compared(first, second)], first)
     assert any(note.startswith("Only in p over all: 1 point, where") for note in table.notes)
-    assert "the geometric mean of 1 point; p = " in table.notes[-1]
+    assert "the geometric mean of 1 point; p <= 0.0002" in table.notes[-1]
 
 
 def test_trials_that_ran_out_of_time_are_compared_by_their_ranks() -> None:
