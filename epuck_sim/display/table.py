@@ -51,7 +51,8 @@ class Table(NamedTuple):
     title: str
     rows: Sequence[Row]
     notes: Sequence[str] = ()
-    headings: Mapping[str, str] = {}  # headings of cells that are not their names with blanks for underscores
+    headings: Mapping[str, str] = {}
+    """Headings of cells that are not their names with blanks for underscores; empty for cells of JSON and CSV alone."""
 
     def records(self) -> list[dict[str, Any]]:
         """Return the rows as JSON holds them; where one has an estimate, all have three columns for it."""
@@ -181,7 +182,8 @@ def _columns(table: Table) -> list[_Column]:
     if not table.rows:
         return []
     first = table.rows[0]
-    headings = {name: table.headings.get(name, name.replace("_", " ")) for name in first.cells}
+    every = {name: table.headings.get(name, name.replace("_", " ")) for name in first.cells}
+    headings = {name: heading for name, heading in every.items() if heading}
     short = shortest_endings([*first.axes, *headings.values()])
     axes, cells = [], []
     for key in first.axes:

@@ -414,13 +414,13 @@ class Summaries(list[PointSummary]):
         return Table(title, rows, self._notes(), names)
 
     def _applicable(self) -> dict[str, str]:
-        """Return the headings of the statistics that apply, by name; if nothing is censored, there is only one mean."""
+        """Return the headings of the statistics that apply, by name; people see one mean."""
         is_censored = any(point.censored for point in self)
         names = {name: each.name for point in reversed(self) for name, each in point.estimates.items() if each.name}
         if not is_censored:
             return {name: names[name] for name in names if name not in OF_CENSORED} or {"mean": "mean"}
-        all_censored = all(point.censored for point in self)
-        return {name: heading for name, heading in names.items() if name != "mean" or not all_censored}
+        every = "restricted mean" if all(point.censored for point in self) else "mean or restricted mean"
+        return {**names, "mean": "", "restricted_mean": every}
 
     def _notes(self) -> list[str]:
         notes = [] if any(point.trials for point in self) else ["No trial has a value yet."]

@@ -349,7 +349,10 @@ def test_json_has_all_fields_of_each_point_and_the_table_a_row_that_says_what_it
     assert "No intervals" not in stdout
     for row, point in zip(cells(stdout), summaries_of(read_points(folder)), strict=True):
         assert row[:4] == [str(point.point), str(point.axes[SPEED]), str(point.trials), f"{100 * point.censored:.0f} %"]
-        assert row[4:] == [str(each) for each in point.estimates.values()]
+        shown = ("median", "restricted_mean", "weibull_mean")
+        assert row[4:] == [str(point.estimates[name]) for name in shown]
+    assert summaries_of(read_points(folder)).table().headings["restricted_mean"] == "mean or restricted mean"
+    assert {"mean", "restricted_mean"} <= {*called("summarize", folder, "--csv").splitlines()[0].split(",")}
     store(tmp_path, sweep({SPEED: [1, 2]}), lambda point: weibull(point, 50, trials=4 + point.number))
     stdout = called("summarize", tmp_path)
     assert "No intervals at 1 of 2 points: one takes 5 trials or more." in stdout
