@@ -484,7 +484,7 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
     unaveraged = sum(each.compared - each.averaged for each in compared)
     if unaveraged:
         where = "the trials of one side are all censored or alike"
-        yield f"Only in p over all: {counted(unaveraged, 'point')}, where {where}."
+        yield f"p alone: {counted(unaveraged, 'point')}, where {where}."
     left_out = sum(each.left_out for each in compared)
     if left_out:
         yield f"Left out: {counted(left_out, 'point')} with trials on one side only."

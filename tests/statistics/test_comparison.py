@@ -246,7 +246,7 @@ def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() ->
 
     first, second = (in_memory(sweep({SPEED: [1, 2]}), law) for law in (slow, lambda _: ended(range(20, 40))))
     (table,) = comparison_tables([compared(first, second)], first)
-    assert any(note.startswith("Only in p over all: 1 point, where") for note in table.notes)
+    assert any(note.startswith("p alone: 1 point, where") for note in table.notes)
     assert "the geometric mean of 1 point; p <= 0.0002" in table.notes[-1]
 
 
