@@ -216,7 +216,10 @@ def _oscillators(scenario: Scenario) -> tuple[Response, float, float]:
 def _left_out(scenario: Scenario) -> tuple[str, ...]:
     notes = []
     if isinstance(scenario, EmbodiedScenario):
-        notes.append("Robots are treated as point oscillators that move straight ahead; no trials have tested that.")
+        notes.append(
+            "Robots are treated as point oscillators that move straight ahead: a rough guide, which misses the regime "
+            "that trials of thesis have."
+        )
         if all(group.poses is not None for group in scenario.robots):
             notes.append("poses are as given, in all snapshots.")
         if scenario.faults:

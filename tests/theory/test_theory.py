@@ -210,6 +210,7 @@ def test_what_is_left_out_is_said() -> None:
     notes = " ".join(predict(load_scenario("thesis", changes)).notes)
     assert "groups differ in coupling, speed_cm_s" in notes
     assert "stop.metric is left out" in notes
+    assert "misses the regime that trials of thesis have" in notes
     alone = predict(load_scenario({**given, "neighbourhood": {"kind": "range", "radius_cm": 0.01}}))
     assert "renewed links do not join them either" in alone.reason
     assert "poses are as given" in " ".join(predict(load_scenario("pair")).notes)
