@@ -142,9 +142,13 @@ def _draw_spreads(panel: Axes, track: Track) -> None:
 
 
 def _mark_synchrony(panel: Axes, track: Track) -> None:
+    line: dict[str, Any] = {"color": SYNC, "linewidth": 1.2, "zorder": 0.5}
+    if track.t_sync_periods is not None:
+        label = f"T_sync: {track.t_sync_cycles:.1f} cycles, {track.t_sync_s:.1f} s"
+        panel.axvline(track.t_sync_periods, **line, label=label)
     if track.histogram_periods is not None:
-        periods = track.histogram_periods
-        panel.axvline(periods, color=SYNC, linewidth=1.2, zorder=0.5, label=f"by the histogram: {periods:.1f} periods")
+        label = f"by the histogram: {track.histogram_periods:.1f} periods"
+        panel.axvline(track.histogram_periods, **line, linestyle=":", label=label)
 
 
 def choose_moments(track: Track) -> list[list[tuple[float, Evaluation | None]]]:

@@ -40,6 +40,7 @@ class TrackedFrame(NamedTuple):
     start_s: float  # beginning of the trial on the film's clock
     evaluation: Evaluation | None  # the evaluation that this frame completed
     histogram_s: float | None  # first mode around which the histogram was narrow enough, on the film's clock
+    t_sync_s: float | None = None  # T_sync on the film's clock; None while a camera films
 
 
 class Annotator:
@@ -66,7 +67,7 @@ class Annotator:
 
     def annotate(self, tracked: TrackedFrame) -> Picture:
         """Return (height_px, width_px, 3) the next frame, annotated with what is known by then."""
-        frame, rings, start_s, evaluation, histogram_s = tracked
+        frame, rings, start_s, evaluation, histogram_s, t_sync_s = tracked
         if start_s != self._start_s:
             self._begin(start_s)
         if evaluation is not None:
@@ -90,9 +91,9 @@ class Annotator:
         self._write(strip, 1, counted(len(rings), "ring"))
         if self._spread_s is not None:
             self._write(strip, 0, f"spread {1000 * self._spread_s:.0f} ms", is_right=True)
-        if histogram_s is not None:
-            periods = (histogram_s - self._start_s) / self._period_s
-            self._write(strip, 1, f"synchronised at {periods:.1f} periods", CYAN, is_right=True)
+        name, sync_s = ("by the histogram", histogram_s) if t_sync_s is None else ("T_sync", t_sync_s)
+        if sync_s is not None:
+            self._write(strip, 1, f"{name} {sync_s - self._start_s:.1f} s", CYAN, is_right=True)
         return annotated
 
     def _draw_bars(self, bars: Picture, now_s: float) -> None:

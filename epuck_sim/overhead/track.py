@@ -40,7 +40,6 @@ SHORTEST_STEADY_S = 2.0  # least such duration
 SAME_PLACE_CM = 0.5  # distance within which flashes are at one place
 FEWEST_FLICKERS = 6  # flashes at one place above which a lamp flickers there
 MOST_FLICKERS = 3.0  # the same relative to the median of all places
-SAME_TIME_S = 1e-6  # times that differ by less are the same; the difference is rounding
 
 
 class Track(NamedTuple):
@@ -162,15 +161,14 @@ def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) 
     """Write a tracked film again, if a path is given, with rings and histogram drawn; raise as `film_file`.
 
     Returns:
-        The frame in which the swarm is synchronised by the histogram, or else the last, without rings that stay lit.
+        The first frame in which most rings are lit, since T_sync if there is one, without rings that stay lit.
     """
     camera = track.geometry.camera
     annotator = Annotator(camera.width_px, camera.height_px, track.period_s)
     evaluations = deque(track.evaluations)
-    sync_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
-    begins_s = track.times_s[track.times_s <= sync_s][-1]  # time of the frame that shows that moment
+    moments_s = [math.inf if each is None else track.start_s + each for each in (track.histogram_s, track.t_sync_s)]
+    begins_s = track.times_s[np.argmax(track.counts * (track.times_s >= track.start_s + (track.t_sync_s or 0.0)))]
     found: TrackedFrame | None = None
-    shown_s: float | None = None
     size_px = annotator.width_px, annotator.height_px
     about = {"annotated": True}
     to = nullcontext() if annotated is None else film_file(annotated, *size_px, about, annotated.stem)
@@ -179,10 +177,9 @@ def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) 
         for frame, rings in zip(frames, track.rings, strict=False):
             is_due = evaluations and evaluations[0].time_s + track.period_s / 2 <= frame.time_s
             evaluation = evaluations.popleft() if is_due else None
-            if evaluation is not None and evaluation.time_s >= sync_s - SAME_TIME_S:
-                shown_s = sync_s
             start_s = track.start_s if frame.time_s >= track.start_s else 0.0
-            tracked = TrackedFrame(frame, rings, start_s, evaluation, shown_s)
+            known_s = [each if each + track.period_s / 2 <= frame.time_s else None for each in moments_s]
+            tracked = TrackedFrame(frame, rings, start_s, evaluation, *known_s)
             if found is None and frame.time_s >= begins_s:
                 found = tracked
             if writer is not None:

@@ -89,12 +89,13 @@ def test_snapshots_and_panels_show_counts_spreads_synchrony_the_threshold_and_ri
         assert bars.get_data().values[::2].tolist() == LONG.counts[until].tolist()
         words = [f"{1000 * evaluation.spread_s:.0f} ms"] if evaluation else []
         assert [text.get_text() for text in axes.texts] == words
-    cycles = LONG.histogram_s / PERIOD
+    periods = LONG.histogram_s / PERIOD
     for axes in (counts, detector):
-        assert any(set(line.get_xdata()) == {cycles} for line in axes.get_lines())
+        places = [line.get_xdata()[0] for line in axes.get_lines()]
+        assert {periods, LONG.t_sync_periods} <= set(places)
     assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in detector.get_lines())
     told = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert told == ["threshold: 126 ms", f"by the histogram: {cycles:.1f} periods"]
+    assert told == ["threshold: 126 ms", "T_sync: 3.4 cycles, 2.5 s", f"by the histogram: {periods:.1f} periods"]
     first = panels(draw_track(LONG, PICTURE))[0]
     circles = [each for each in first.patches if isinstance(each, Circle)]
     assert [(*circle.center, circle.radius) for circle in circles] == [ring[3:6] for ring in RINGS]

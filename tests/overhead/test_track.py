@@ -87,13 +87,13 @@ def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_p
 
 def test_snapshot_shows_all_rings_of_the_moment_but_those_that_stay_lit(tracked: Track) -> None:
     shown = look_again(tracked, None, passed)
-    assert shown.frame.time_s == pytest.approx(2.5 + 1 / 30, abs=1e-3)
+    assert shown.frame.time_s == pytest.approx(2.5, abs=1e-3)
     ring_px = films.make_camera().project(np.column_stack([PLACES, np.full(6, 4.0)]))
     away = np.linalg.norm(np.array([ring[3:5] for ring in shown.rings])[:, None] - ring_px, axis=2)
     assert away.shape == (6, 6)
     assert (away.min(axis=0) <= 1).all()
-    never = look_again(tracked._replace(histogram_s=None), None, passed)
-    assert never.frame.time_s == pytest.approx(TIMES[-1], abs=1e-4)
+    never = look_again(tracked._replace(t_sync_s=None), None, passed)
+    assert never.frame.time_s == pytest.approx(tracked.times_s[tracked.counts.argmax()], abs=1e-4)
     lamp = Flash(0.0, math.inf, *shown.rings[0][:2], 80.0)
     for steady, seen in ((lamp, 5), (lamp._replace(end_s=0.1), 6)):
         assert len(look_again(tracked._replace(steady=(steady,)), None, passed).rings) == seen
@@ -108,7 +108,9 @@ def test_annotation_says_what_the_track_says(tracked: Track, tmp_path: Path, mon
 
     monkeypatch.setattr(Annotator, "annotate", note)
     look_again(tracked, tmp_path / "annotated.mp4", passed)
-    assert annotated[-1].histogram_s == tracked.histogram_s
+    assert annotated[-1][-2:] == (tracked.histogram_s, tracked.t_sync_s)
+    (first_s, *_) = (each.frame.time_s for each in annotated if each.t_sync_s)
+    assert first_s == pytest.approx(tracked.t_sync_s + tracked.period_s / 2, abs=0.04)
     assert [each.evaluation for each in annotated if each.evaluation] == list(tracked.evaluations)
     assert [len(each.rings) for each in annotated] == tracked.counts.tolist()
 
