@@ -20,6 +20,7 @@ EXTRA = "notebook-extra"
 def run(cells: list[dict[str, Any]]) -> None:
     """Run cells of code, in the current folder, and keep what each shows in it."""
     shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
+    shell.enable_gui = lambda _: None  # `%matplotlib inline` asks for it
     for number, cell in enumerate(cells, start=1):
         if EXTRA in cell["metadata"].get("tags", []):
             continue

@@ -31,16 +31,17 @@ def shown_in(notebook: Path) -> list[dict[str, str]]:
 
 def test_things_show_themselves_and_no_paths() -> None:
     shown = (formats.get("text/html", "") for formats in shown_in(NOTEBOOK))
-    scenario, simulation, step, result, recording, film, moved, points, _ = shown
+    scenario, simulation, step, result, recording, film, of_slider, points, _ = shown
     assert "near_walls" in scenario
     assert simulation.count("<circle") == recording.count("<circle") == 10
     assert 'class="lit"' in recording
     assert step.count("<svg") == 10
     assert "t_sync_cycles" in result
+    assert "censored</th><td>False" in of_slider
     assert "<video controls" in film
     assert "data:video/mp4;base64," in film
-    assert "data:video/mp4;base64," in moved
-    assert points.count("<tr>") == 4
+    assert points.count("<tr>") == 6
+    assert "image/png" in shown_in(NOTEBOOK)[-1]
     assert re.findall(r"/(?:home|root|tmp|work|Users)\b", NOTEBOOK.read_text()) == []
 
 
