@@ -83,9 +83,9 @@ def rewards_of(task: Task, policy: Policy, trials: int) -> npt.NDArray[np.float6
     return total.reshape(trials, ROBOTS).mean(axis=1) / decisions
 
 
-def rewards_of_the_thesis(task: Task, trials: int) -> npt.NDArray[np.float64]:
-    """Return (trials,) the mean reward of each trial in which all robots are the thesis's fireflies."""
-    simulation, found = Simulation("thesis"), []
+def rewards_of_robots(task: Task, simulation: Simulation, trials: int) -> npt.NDArray[np.float64]:
+    """Return (trials,) the mean reward of each trial in which robots have their own controllers."""
+    found = []
     period_ms, arena = simulation.period_ms, simulation.scenario.arena
     for trial in range(trials):
         simulation.reset(trial_seed(TESTING, trial))
@@ -105,7 +105,7 @@ def baselines(name: str, trials: int) -> Iterator[tuple[str, npt.NDArray[np.floa
     task, random = TASKS[name], np.random.default_rng(TESTING)
     motions = int(swarms(task, 1, 0).single_action_space.n)
     yield "random", rewards_of(task, lambda observations: random.integers(motions, size=len(observations)), trials)
-    yield "thesis's rule", rewards_of_the_thesis(task, trials)
+    yield "thesis's rule", rewards_of_robots(task, Simulation("thesis"), trials)
     yield "learnt", rewards_of(task, learnt(name, random), trials)
 
 
