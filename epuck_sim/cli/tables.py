@@ -261,7 +261,8 @@ def print_comparison(
     print(f"{verdict.sentence[0].upper()}{verdict.sentence[1:]}.\n")
     headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile"}
     title = f"{film} beside trials of {scenario}"
-    compared = Table(title, [Row({}, _cells_of_quantity(row)) for row in rows], (), headings)
+    shown = [Row({}, _cells_of_quantity(row)) for row in rows if not math.isnan(row.film)]
+    compared = Table(title, shown, (), headings)
     values = [Row({}, {"key": key, "value": each}) for key, each in fitted.items()]
     told = Table("Values fitted to the film, with 95 % intervals", values, [UNTOLD])
     show([compared, told], None, as_json=False)

@@ -38,8 +38,11 @@ def test_the_percentile_counts_trials_with_smaller_values_and_beyond_the_end_of_
     draw_comparison([rounded])
     assert math.isnan(compared(math.nan, [1, 2]).percentile)
     assert math.isnan(compared(1.0, [math.nan]).percentile)
-    print_comparison("film", "thesis", [compared(math.inf, [3.0, math.inf, math.inf])], {})
-    assert "beyond [3, beyond]" in capsys.readouterr().out
+    unknown = compared(math.nan, [3.0, 4.0, 5.0])._replace(name="clocks")
+    print_comparison("film", "thesis", [compared(math.inf, [3.0, math.inf, math.inf]), unknown], {})
+    told = capsys.readouterr().out
+    assert "beyond [3, beyond]" in told
+    assert "clocks" not in told
 
 
 def rows_of(film: list[float], trials: np.ndarray) -> list[QuantityComparison]:
