@@ -64,12 +64,12 @@ class Test(NamedTuple):
 
 
 TESTS = {
-    "ratio": Test(("between",), "{what} where {second}, over that where {first}"),
+    "ratio": Test(("between",), "{what} at {second} over {first}"),
     "largest_rise": Test(("along",), "largest rise of {what} with {along}"),
     "level": Test((), "{what}", 1),
     "share": Test((), "share {measure}", 1),
-    "share_difference": Test(("between",), "share {measure} where {second}, minus that where {first}", 2),
-    "superiority": Test(("between",), "chance that {what} is larger where {second} than where {first}", 2),
+    "share_difference": Test(("between",), "share {measure} at {second} minus {first}", 2),
+    "superiority": Test(("between",), "chance that {what} is larger at {second} than at {first}", 2),
     "power_exponent": Test(("along",), "power of {along} in {what}"),
     "exponential_rate": Test(("along",), "c of exp(c {along}) in {what}"),
     "rank_trend": Test(("along",), "rank correlation of {what} with {along}"),

@@ -17,7 +17,7 @@ from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import plot
-from epuck_sim.figures.labels import format_axis_values, key_name
+from epuck_sim.figures.labels import format_axis_values, format_value, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
 from epuck_sim.replication.sweeps import LOOKS, Trials, check_claim
@@ -160,8 +160,7 @@ def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
     ours, is_explained = claim.untested, answer.verdict in EXPLAINED
     if is_explained or not ours:  # an identity may be contradicted
         first = _decisive(answer)[0]
-        check = first.check
-        ours = f"{(check.number or check.test).replace('_', ' ')} {_found(first)}"
+        ours = f"{_effect(first.check)}: {_found(first)}"
     ours = escaped(ours)
     if claim.id in pictures and not is_explained:
         ours = f"[{ours}]({pictures[claim.id]})"
@@ -195,16 +194,18 @@ def _why_no_p_value(judged: Finding) -> str:
 
 
 def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
-    """Yield a claim's heading, the tests that decide it (the table has the effect of the first), and its texts."""
+    """Yield a claim's heading, the tests that decide it (of the first, what the table lacks), and its texts."""
     claim = answer.claim
     yield f"### {claim.id}"
     first, *others = _decisive(answer)
     shown = others[: MOST_TESTS - 1]
-    lines = [f"- {describe_check(first.check)}{_why_no_p_value(first)}"]
+    told = f"{describe_check(first.check)}{_why_no_p_value(first)}"
+    lines = [f"- {told}"] if told != _effect(first.check) else []
     lines += [f"- {describe_check(each.check)}: {_found(each)}{_why_no_p_value(each)}" for each in shown]
     if left := len(others) - len(shown):
         lines.append(f"- and {left} more, which are in the table of tests")
-    yield escaped("\n".join(lines))
+    if lines:
+        yield escaped("\n".join(lines))
     if claim.id in pictures:
         yield f"![{claim.id}]({pictures[claim.id]})"
     for heading, text in (("Why:", claim.identity), ("Ours:", claim.reading), ("Would change it:", claim.otherwise)):
@@ -257,15 +258,22 @@ def _sweep_cells(name: str, points: Sequence[PointTrials], wall_s: float, failed
 
 
 def describe_check(check: Check) -> str:
-    """Return a test in words: the effect that it looks at."""
+    """Return a test in words: the effect that it looks at, and where."""
+    first, second = check.between
+    shared = {key: value for key, value in second.items() if first.get(key) == value}
+    where = format_axis_values({**check.where, **shared})
+    return f"{_effect(check)} where {where}" if where else _effect(check)
+
+
+def _effect(check: Check) -> str:
+    """Return the effect that a test looks at; of two places, what differs."""
     test = TESTS[check.test]
+    first, second = check.between
     names = {**dict(check), "number": check.number.replace("_", " "), "measure": check.of or "synchronised"}
     names |= {key: key_name(names[key]) for key in ("along", "over") if key in test.takes}
     names["what"] = " ".join(filter(None, [check.take, check.of or "T_sync"]))
-    if "between" in test.takes:
-        names["first"], names["second"] = (format_axis_values({**check.where, **place}) for place in check.between)
-    elif check.where:
-        return f"{test.text.format(**names)} where {format_axis_values(check.where)}"
+    names["first"] = ", ".join(format_value(key, value) for key, value in first.items() if second.get(key) != value)
+    names["second"] = format_axis_values({key: value for key, value in second.items() if first.get(key) != value})
     return test.text.format(**names)
 
 

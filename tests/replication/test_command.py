@@ -51,9 +51,9 @@ def test_the_page_has_a_row_for_each_claim_and_explains_those_that_do_not_hold(r
     assert [(row[0], row[-1]) for row in found] == [*zip(IDS, VERDICTS, strict=True)]
     assert found[0][1] == '"Sentence A1"'
     assert found[3] == ("A4", "Claim A4", "It takes 900 CPU hours.", "not asked")
-    assert found[4][2].startswith("sigma a 0.253 (0.2 to 0.3)")
+    assert found[4][2].startswith("sigma a: 0.253 (0.2 to 0.3)")
     assert found[6][1] == '"Sentence A7" (Doe (2009))'
-    assert found[6][2].endswith("(>1.1)")
+    assert re.match(r"T\\_sync at ε = 0\.4 over 0\.05: .* \(>1\.1\)$", found[6][2])
     assert re.findall(r"^##+ (.*)$", page, re.MULTILINE) == [
         *("Contradicted", "A2", "Undecided", "A3", "Reading", "A7", "Slips in the text")
     ]
@@ -87,7 +87,7 @@ def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweep
     points = read_points(folder / "runs/tiny")
     assert {point.scenario.seed for point in points} == {5}
     means = {point.axes["response.coupling"]: point.times.mean() for point in points if point.axes[SPEED] == 1}
-    ratios = [float(row["ours"]) for row in tests if row["test"].endswith("over that where V = 1 cm/s, ε = 0.05")]
+    ratios = [float(row["ours"]) for row in tests if row["test"].endswith("at ε = 0.4 over 0.05 where V = 1 cm/s")]
     assert ratios == pytest.approx([means[0.4] / means[0.05]] * 3, rel=1e-5)
 
 
@@ -118,7 +118,7 @@ def test_texts_of_several_lines_are_cells_names_with_blanks_are_quoted_and_an_id
     folder = tmp_path / "my page"
     assert replicate(file, folder).exit_code == 0
     page = (folder / "replication.md").read_text()
-    assert '\n[A6](#a6) | "One line and another" | sigma b 2.45 (\\<2) | contradicted\n' in page
+    assert '\n[A6](#a6) | "One line and another" | sigma b: 2.45 (\\<2) | contradicted\n' in page
     assert "Why: A definition" in page
     assert f"`epuck-sim replicate --claims {file} --out '{folder}'`" in page
 
@@ -159,8 +159,8 @@ def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
     assert replicate(file, tmp_path / "out").exit_code == 0
     found = {row["test"]: row["ours"] for row in read_table(tmp_path / "out", "replication-tests.csv")}
     assert list(found) == [
-        "chance that T_sync is larger where V = 1 cm/s, ε = 0.4 than where V = 1 cm/s, ε = 0.05",
-        "share synchronised where V = 1 cm/s, ε = 0.4, minus that where V = 1 cm/s, ε = 0.05",
+        "chance that T_sync is larger at ε = 0.4 than at 0.05 where V = 1 cm/s",
+        "share synchronised at ε = 0.4 minus 0.05 where V = 1 cm/s",
         "rank correlation of T_sync with V where ε = 0.4",
         "nats a trial by which Weibull distributions make T_sync likelier than log-normal ones",
         "distance of curves of T_sync over neighbour_change, relative to that over V",
@@ -174,7 +174,7 @@ def test_a_test_that_finds_no_number_says_why_on_the_page(tmp_path) -> None:
     few = {"test": "superiority", "between": FASTER["between"], "where": {SPEED: 1}, "below": 0.5}
     file = write_claims(tmp_path, [claim("A1", few)], {**SWEEP, "keys": {**SWEEP["keys"], "trials": 3}})
     assert replicate(file, tmp_path / "out").exit_code == 0
-    assert "ε = 0.05; it has no number: too few trials or points, " in (tmp_path / "out/replication.md").read_text()
+    assert "V = 1 cm/s; it has no number: too few trials or points, " in (tmp_path / "out/replication.md").read_text()
 
 
 TINY = {**SWEEP, "keys": {**SWEEP["keys"], "trials": 6}}
