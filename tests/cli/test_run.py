@@ -158,7 +158,7 @@ def test_json_holds_what_the_library_gives_also_where_the_reference_never_fires(
     del row["versions"]
     assert row == {**expected, "wall_s": 0, "events": []}
     settings = ["agents={count: 2, speed_cm_s: 0}", "response={curve: sawtooth, coupling: 1}", "clocks.jitter=0.2"]
-    settings.append("stop.max_cycles=3")
+    settings += ["stop.max_cycles=3", "stop.order_parameter=0.95"]
     scenario = load_scenario("particles", settings)
     seed = next(seed for seed in range(500) if run_trial(ParticleSimulation(scenario, seed)).order_parameter is None)
     command = ["run", "particles", "--seed", seed, *set_to(*settings)]
