@@ -177,7 +177,7 @@ def plot(
     theory: Annotated[
         bool, looks_option("--theory", "Add T_sync against speed as `predict` gives it, dashed, under the curves.")
     ] = False,
-    title: Annotated[str | None, looks_option("TEXT", "Title; by default there is none.")] = None,
+    title: Annotated[str | None, looks_option("TEXT", "Title; a sweep's figure has none by default.")] = None,
     label: Annotated[
         list[str] | None, looks_option("KEY=TEXT", "Label of an axis, or of T_sync or a measure; may be repeated.")
     ] = None,
@@ -247,11 +247,12 @@ def _plot_trial(recording: Path, wanted: dict[str, Any], target: "Target | None"
     from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
+    title = wanted.pop("title")
     for name, value in wanted.items():
         reject_first((value is not None, f"{flag(name, value)} is for run folders; {recording} is a recording"))
     recorded = read_recording(recording)
     check_drawable(recorded, str(recording))
-    return save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded))
+    return save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded, title))
 
 
 @results.command()

@@ -7,12 +7,14 @@ from types import MappingProxyType
 from typing import Any
 
 from epuck_sim.measures.measure import T_SYNC
+from epuck_sim.scenario.scenario import Scenario
 
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
     "arena.width_cm": ("L", "cm"),
     "side_cm": ("L", "cm"),
-    "count": ("N", ""),
+    "agents.count": ("N", ""),
+    "robots.0.count": ("N", ""),
     "period_s": ("τ", "s"),
     "jitter": ("\N{GREEK SMALL LETTER SIGMA}", ""),
     "curve": ("Ψ", ""),
@@ -29,8 +31,9 @@ SYMBOLS = {
     "angle_deg": ("θ", "°"),
     "neighbourhood.k": ("K", ""),
     "central_pixels": ("pixels", ""),
+    "delay_ms": ("Δ", "ms"),
 }
-"""Symbol in the thesis or the field, and unit, by the last two parts of a key, or by the last one."""
+"""Symbol in the thesis or the field, and unit, by a key, its last two parts, or the last one."""
 
 UNITS = {"cm_s": "cm/s", "cm": "cm", "ms": "ms", "s": "s", "deg": "°", "rad": "rad", "px": "px", "kg": "kg"}
 """Units by the endings of keys."""
@@ -48,6 +51,11 @@ OTHER_GROUP = re.compile(r"robots\.[1-9][0-9]*(\..*)?")
 KINDS = ("kind", "shape")  # keys of a section that say what it is
 
 NO_LABELS: Mapping[str, str] = MappingProxyType({})
+
+
+def group_labels(scenario: Scenario) -> dict[str, str]:
+    """Return labels of a scenario's keys that are not N: the count of the first of several groups of robots."""
+    return {"robots.0.count": "count of robots.0"} if len(scenario.controllers) > 1 else {}
 
 
 def statistic_label(names: Iterable[str], label: str) -> str:
@@ -87,7 +95,7 @@ def key_name(key: str, among: Collection[str] = (), own: Mapping[str, str] = NO_
 
 def _symbol_and_unit(key: str) -> tuple[str, str]:
     *_, owner, last = ["", *key.split(".")]
-    found = SYMBOLS.get(f"{owner}.{last}") or SYMBOLS.get(last)
+    found = SYMBOLS.get(key) or SYMBOLS.get(f"{owner}.{last}") or SYMBOLS.get(last)
     if found:
         return found
     name, unit = ends.groups() if (ends := UNIT_ENDING.fullmatch(last)) else (last, "")

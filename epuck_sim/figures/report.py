@@ -8,7 +8,7 @@ from pathlib import Path
 from epuck_sim.display.html import Node, details, element, facts, in_words, make_document, table, to_html, write_html
 from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.figures.labels import axis_label, group_labels
 from epuck_sim.figures.saving import to_svg
 from epuck_sim.figures.sweep_figure import read_form
 from epuck_sim.runs.folder import database_of
@@ -121,8 +121,8 @@ def _facts(folder: Path | str, status: Status, points: Sequence[PointTrials]) ->
     for key in points[0].axes:
         values = list(dict.fromkeys(str(point.axes[key]) for point in points))
         more = [f"and {len(values) - MOST_VALUES} more"] * (len(values) > MOST_VALUES)
-        label = key if axis_label(key) == key else f"{axis_label(key)}, {key}"
-        yield label, ", ".join([*values[:MOST_VALUES], *more])
+        label = axis_label(key, own=group_labels(points[0].scenario))
+        yield key if label == key else f"{label}, {key}", ", ".join([*values[:MOST_VALUES], *more])
     yield "master seed", _range(point.scenario.seed for point in points)
     yield "computing time", in_words(status.wall_s)
     changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)

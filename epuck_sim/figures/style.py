@@ -27,6 +27,7 @@ COLUMN_CM, PAGE_CM = 8.5, 17.5
 
 MIN_PANEL_CM = 4.0  # smallest width of a panel, cm; narrower ones have no room for their numbers
 MAX_PANELS = 64  # largest number of panels of a figure; one with more is neither legible nor quickly drawn
+NAME_LETTERS = 36  # number of letters for which there is room below the horizontal axis of a panel
 LETTERS_PER_CM = 52.0  # number of letters of one point on a centimetre
 BAND = 0.15  # opacity of bands
 BAR, BAR_ASPECT = 0.05, 25  # width of a colour bar as a share of the figure's, and its height over its width
@@ -209,6 +210,31 @@ def draw_course(panel: Axes, x: FloatArray | IntArray, values: FloatArray, place
     # matplotlib cannot space markers on a line without any point
     every = (place * MARKER_SHIFT, MARKER_DISTANCE) if np.isfinite(values).any() else None
     panel.plot(x, values, color=look.colour, marker=look.marker, markevery=every, label=label or None)
+
+
+def shifted(x: FloatArray, number: FloatArray | int, count: int, is_log: bool) -> FloatArray:
+    """Return places, (n,), beside points of an axis for what belongs to one of several curves.
+
+    >>> shifted(np.array([1.0, 2.0]), 0, 2, False)
+    array([0.875, 1.875])
+    """
+    places = np.log10(x) if is_log else x
+    gap = float(np.diff(places).min()) if len(x) > 1 else 1.0
+    moved: FloatArray = places + gap * ((number + 0.5) / count - 0.5) / 2
+    return 10**moved if is_log else moved
+
+
+def draw_crosses(panel: Axes, x: FloatArray, colour: str, label: str = "") -> None:
+    """Draw crosses on the upper edge of a panel, at x, (n,), where there is no value."""
+    place: Any = {"transform": panel.get_xaxis_transform(), "clip_on": False, "in_layout": False, "zorder": 3}
+    panel.plot(x, np.ones(len(x)), "x", color=colour, label=label or None, **place)
+
+
+def set_names(panel: Axes, names: Sequence[str]) -> None:
+    """Write names, if there are any, at 0, 1 and so on of the horizontal axis, in lines for which there is room."""
+    if names:
+        lines = (textwrap.fill(name, max(1, NAME_LETTERS // len(names)), break_long_words=False) for name in names)
+        panel.set(xticks=range(len(names)), xticklabels=map(typeset, lines), xlim=(-0.5, len(names) - 0.5))
 
 
 PLAIN = (1e-3, 1e5)  # ends of the range whose numbers are written out; where a panel has others, all are powers of ten

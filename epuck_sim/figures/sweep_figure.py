@@ -1,7 +1,8 @@
 """The figure of a sweep: which form it has, and which options go with it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,9 @@ from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.figures.forms.form import Choices, Form
-from epuck_sim.figures.labels import FOLDER
+from epuck_sim.figures.labels import FOLDER, format_axis_values, group_labels, short_files
 from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.scenario.axes import check_labels, numeric_axes
+from epuck_sim.scenario.axes import check_labels, distinguishing_axes, is_tied_to, numeric_axes
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
@@ -107,8 +108,9 @@ def read_form(
     module, _, member = place.partition(":")
     found: type[Form] = getattr(import_module(f"epuck_sim.figures.forms.{module}"), member)
     form = found.read(points, Choices(section, given.keys(), folder, prefix))
+    section = section.model_copy(update={"labels": {**group_labels(scenario), **section.labels}})
     form.of, form.unit, form.settings = points[0].of, measure_unit(points[0]) or "", section
-    form.ran = _describe(points, folders)
+    form.ran, form.ties = _describe(points, folders), [*_tell_ties(points, section.labels)]
     return form
 
 
@@ -155,6 +157,16 @@ def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> s
         head = f"{name}: " if name else ""
         lines.append(f"{head}{title} (scenario {scenario.name}, seed {scenario.seed}{place}).")
     return "\n".join(lines)
+
+
+def _tell_ties(points: Sequence[PointTrials], labels: Mapping[str, str]) -> Iterator[str]:
+    """Yield a sentence on each axis that is tied to an earlier one, as in a zip, of which a figure shows but one."""
+    rows = short_files([point.axes for point in points])
+    kept = distinguishing_axes(rows)[0]
+    for key, other in product(rows[0], kept):
+        if key not in kept and is_tied_to(key, other, rows):
+            pairs = (format_axis_values({other: row[other], key: row[key]}, row, labels) for row in rows)
+            yield f"together vary {'; '.join(dict.fromkeys(pairs))}"
 
 
 def _usual_form(points: Sequence[PointTrials]) -> str:

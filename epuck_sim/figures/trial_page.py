@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.display.table import leaves
 from epuck_sim.errors import RecordingError
-from epuck_sim.figures.labels import format_axis_values
+from epuck_sim.figures.labels import format_axis_values, group_labels, short_files
 from epuck_sim.recording import Level
 from epuck_sim.recording.layers import LEGIBLE_SHARE, UNLABELLED
 from epuck_sim.recording.reader import Recorded
@@ -52,7 +52,7 @@ def check_drawable(recorded: Recorded, origin: str) -> None:
         raise RecordingError(f"{origin}: holds no steps")
 
 
-def draw_page(recorded: Recorded) -> Figure:
+def draw_page(recorded: Recorded, title: str | None = None) -> Figure:
     """Draw the arena at the last moment when most rings were lit, on the left, and courses over time, on the right.
 
     Without flashes and oscillators there are no courses, and the arena fills the page.
@@ -60,7 +60,7 @@ def draw_page(recorded: Recorded) -> Figure:
     population = population_of(recorded.scenario)
     has_oscillators = not np.isnan(population.period_ms).all()
     figure = Figure(figsize=(12, 5.6), dpi=300)
-    title = page_title(recorded, has_oscillators=has_oscillators)
+    title = title or page_title(recorded, has_oscillators=has_oscillators)
     figure.suptitle(title, y=0.985, fontsize="medium", parse_math=False)
     courses = [_draw_flashes] if has_oscillators or len(recorded.flash_s) else []
     courses += [_draw_phases, _draw_order] if has_oscillators else []
@@ -221,7 +221,8 @@ def describe_changes(scenario: Scenario) -> str:
         for key, value in values.items()
         if key not in before or before[key] != value
     }
-    texts = [format_axis_values({key: value}, changes) for key, value in changes.items()]
+    own = group_labels(scenario)
+    texts = [format_axis_values({key: value}, changes, own) for key, value in short_files([changes])[0].items()]
     shown = [shorten(text, len(text.partition(" = ")[0]) + MAX_VALUE, placeholder=" …") for text in texts[:MAX_CHANGES]]
     rest = [f"and {len(texts) - len(shown)} more"] * (len(texts) > len(shown))
     return f"with {', '.join([*shown, *rest])}" if texts else ""

@@ -77,7 +77,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
     if requested is not None:
         if requested not in numbers:
             said = f"{requested} is not numeric" if requested in rows[0] else did_you_mean(requested, numbers)
-            raise EpuckSimError(f"{origin}: {said}; axes with numbers: {comma_list(numbers)}")
+            raise EpuckSimError(f"{origin}: {said}; axes{' with numbers' * (not by_name)}: {comma_list(numbers)}")
         return requested
     if not numbers:
         names = "; for names: plot --form violins" if rows[0] else ""
@@ -109,7 +109,7 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
     """Check that all keys that a scenario's section `figure` names are axes of its sweep."""
     if figure.x is None and figure.y is None and figure.panels is None and not figure.base_case:
         return
-    x = choose_axis(rows, figure.x, "figure.x", by_name=figure.form == "violins")
+    x = choose_axis(rows, figure.x, "figure.x", by_name=figure.form != "map")
     if figure.y is not None:
         choose_second_axis(rows, x, figure.y, "figure.y")
     check_panels(rows, x, figure.panels, "figure.panels")

@@ -4,8 +4,9 @@ Only trials that reach a cycle count there. Where trials end by themselves, as w
 differ from those that have ended.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,7 +50,7 @@ class Curve(NamedTuple):
     of: str | None = None  # name of the measure; None for T_sync
     is_share: bool = False  # whether the measure is a truth value, and the statistic a share
     measured: Sequence[Measured] = ()  # (S,) the trials
-    tied: Sequence[str] = ()  # other axes whose values change along it, as in a zip
+    tied: Mapping[str, Sequence[Any]] = MappingProxyType({})  # (S,) values of axes that go with these, as in a zip
 
     @property
     def names(self) -> list[str]:
@@ -130,7 +131,7 @@ def estimate_curve(
         of=points[0].of,
         is_share=any(each.is_share for each in measured),
         measured=measured,
-        tied=[key for key, value in points[0].axes.items() if key != axis and value != points[-1].axes[key]],
+        tied={key: [point.axes[key] for point in points] for key in points[0].axes if key not in (axis, *others)},
     )
 
 

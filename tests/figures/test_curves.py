@@ -130,7 +130,7 @@ def test_the_legend_names_every_mark_that_is_drawn_and_no_other_and_a_long_one_i
     for curve, search, expected in [
         (FALLING, NOTHING, ["95 % interval"]),
         (MOVED, NOTHING, ["95 % interval", "undetermined: too many censored"]),
-        (BUMPY, EXTREMA[0], ["95 % interval", "some trials censored", *of_places]),
+        (BUMPY, EXTREMA[0], ["95 % interval", "restricted mean: some censored", *of_places]),
         (curve_of([3, 2], undetermined=[0, 1]), NOTHING, ["undetermined: too many censored"]),
     ]:
         assert legend_texts(form_of([curve], SPEED, [search]).draw_figure()) == expected
@@ -176,7 +176,7 @@ def test_bands_span_intervals_beyond_the_figure_if_need_be_and_one_without_a_nei
 
 
 @pytest.mark.parametrize("count", [2, 40])
-def test_censored_points_are_hollow_and_undetermined_ones_crosses_above_all_in_a_row_for_each_curve(count: int) -> None:
+def test_censored_points_are_hollow_and_undetermined_ones_crosses_side_by_side_on_the_upper_edge(count: int) -> None:
     axes = axes_of([BUMPY])
     is_censored = BUMPY.censored > 0
     hollow = marked(axes, "o", "#ffffff")
@@ -186,10 +186,22 @@ def test_censored_points_are_hollow_and_undetermined_ones_crosses_above_all_in_a
     hidden = [curve_of([50.0, 40.0], axes={COUPLING: 0.1 + n}, undetermined=[0]) for n in range(count)]
     axes = axes_of([*hidden, FALLING])
     crosses = [line for line in marked(axes, "x") if line.get_xdata().size]
-    assert [line.get_xdata().tolist() for line in crosses] == [MANY_SPEEDS[:1]] * count
-    heights = sorted(float(line.get_ydata()[0]) for line in crosses)
-    (_, highest) = axes.transAxes.inverted().transform(axes.transData.transform((1, np.nanmax(FALLING.values))))
-    assert 0.5 < highest < heights[0] < heights[1] <= heights[-1] < 1  # as shares of the panel
+    places = [line.get_xdata().item() for line in crosses]
+    assert len({*places}) == count
+    assert places == pytest.approx([MANY_SPEEDS[0]] * count, rel=0.15)
+    found = {(line.get_ydata().item(), line.get_clip_on(), line.get_in_layout()) for line in crosses}
+    assert found == {(1, False, False)}  # a share of the panel; whole; and the layout has no room for it
+
+
+@pytest.mark.parametrize("law", [lambda point: weibull(point, 250), lambda point: made_folders.censored(point, 9)])
+def test_a_dotted_line_is_the_limit_at_which_all_censored_trials_are_if_it_is_not_far_above(law) -> None:
+    for limits, expected in (([100, 200, 200, 300, 300], []), ([300] * 5, [300])):
+        zipped = {"zip": {SPEED: MANY_SPEEDS[:5], made_folders.LIMIT: limits}}
+        panel = read_form(in_memory(sweep(None, 40, sweep=zipped), law), {}).draw_figure().axes[0]
+        lines = [line for line in panel.get_lines() if line.get_linestyle() == ":"]
+        assert [line.get_ydata()[0] for line in lines] == expected
+    assert "limit: 300 cycles" in legend_texts(panel.figure)
+    assert panel.get_ylim()[0] < 300 < panel.get_ylim()[1] < 2000
 
 
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else(panel) -> None:
@@ -261,6 +273,7 @@ def test_keys_have_the_thesis_s_symbols() -> None:
         ("response.refractory", 0.1, "D = 0.1"),
         ("clocks.jitter", 0.01, "\N{GREEK SMALL LETTER SIGMA} = 0.01"),
         (PERIOD, 5, "τ = 5 s"),
+        ("robots.0.parameters.delay_ms", 62, "Δ = 62 ms"),
         ("noise", "off", "noise = off"),
     ]:
         assert format_axis_values({key: value}) == text
@@ -284,12 +297,9 @@ def test_tables_have_the_numbers_of_the_curves_and_their_extrema_or_say_why_ther
     for row, curve, search in zip(found, CURVES, EXTREMA, strict=True):
         numbers = [end for place in search.places.values() for end in place.estimate.ends] or [math.nan] * 12
         assert [*row.values()] == in_csv(*curve.axes.values(), *numbers, search.p_value, "")
-    for curve, axis, reason in (
-        (curve_of(BUMPY.values[:5]), SPEED, "5 speeds; a minimum and a peak need 6"),
-        (curve_of(BUMPY.values, x=np.arange(13) + 2), COUNT, "the axis is no speed"),
-    ):
-        (row,) = written(form_of([curve], axis).tables["-regimes.csv"])
-        assert [*row.values()] == [*[""] * 13, reason]
+    (row,) = written(form_of([curve_of(BUMPY.values[:5])]).tables["-regimes.csv"])
+    assert [*row.values()] == [*[""] * 13, "5 speeds; a minimum and a peak need 6"]
+    assert [*form_of([curve_of(BUMPY.values, x=np.arange(13) + 2)], COUNT).tables] == [".csv"]
     axes = {"noise": 'a "quoted", name', "arena.obstacles": [], "stop.max_time_s": None, COUNT: 10}
     for table in form_of([curve_of([3, 2], axes=axes)]).tables.values():
         row = written(table)[0]
@@ -370,7 +380,7 @@ def test_points_without_a_value_are_crosses_above_all_others_and_hatched_in_maps
     highest = max(np.nanmax(curve.values) for curve in curves)
     (_, at), *_ = panel.transAxes.inverted().transform(panel.transData.transform([(1, highest)]))
     assert cross.get_xdata().tolist() == [2]
-    assert at < cross.get_ydata()[0] < 1
+    assert at < cross.get_ydata()[0] == 1
     maps = Maps(x=SPEED, y=COUNT, maps=read_maps(gaps, SPEED, COUNT), of="mine").draw_figure()
     assert "no trial has a value" in legend_texts(maps)
     violins = Violins(axis=SPEED, curves=read_violins(gaps, SPEED), of="mine").draw_figure()

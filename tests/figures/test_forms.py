@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, to_hex, to_rgb
 from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
@@ -401,7 +402,7 @@ def test_a_violin_is_as_wide_as_the_density_of_the_logarithms_of_the_trials_that
             widths = np.abs(np.log10(corners[:, 0] / x)) / (0.4 * np.log10(2))  # the nearest two are that far apart
             heights, expected = density(point.times[point.observed], of_logarithms=True)
             shown = np.interp(np.log(corners[:, 1]), np.log(heights), expected)
-            np.testing.assert_allclose(widths, shown, atol=1e-6)
+            np.testing.assert_allclose(widths, shown * point.observed.mean(), atol=1e-6)
     assert next(points, None) is None
     """Of a lognormal distribution it is a bell around the median, and not around the mean."""
     drawn = np.exp(5 + np.random.default_rng(1).standard_normal(20_000))
@@ -424,9 +425,9 @@ def test_lines_bands_crosses_and_dots_are_the_estimates_and_the_means_of_all_tri
         (crosses,) = lines(panel, "undetermined")
         assert crosses.get_xdata().tolist() == curve.x[np.isnan(curve.values)].tolist()
         assert 0.5 in crosses.get_xdata()
-        (_, above) = panel.transAxes.inverted().transform(panel.transData.transform((1, highest)))
-        assert above < crosses.get_ydata()[0] < 1  # as a share of the panel
-        (dots,) = lines(panel, "mean of all trials")
+        assert {*crosses.get_ydata()} == {1}  # as a share of the panel
+        assert highest < panel.get_ylim()[1] <= 3 * highest
+        (dots,) = lines(panel, "mean, if no trial is censored")
         trials = zip(curve.censored, curve.measured, strict=True)
         expected = [np.nan if censored else each.values.mean() for censored, each in trials]
         np.testing.assert_array_equal(dots.get_ydata(), expected)
@@ -443,7 +444,7 @@ def test_titles_labels_the_legend_and_the_caption_name_what_there_is(violin_pane
         "Weibull mean (Appendix A)",
         "its 95 % interval",
         "undetermined: too many censored",
-        "mean of all trials",
+        "mean, if no trial is censored",
         r"$T_\mathrm{cens}$ of the Weibull mean: 60",
     ]
     assert legend_texts(violin_panels[0].figure) == expected
@@ -485,3 +486,31 @@ def test_a_sweep_over_files_has_violins_by_their_names() -> None:
         (panel,) = laid_out(form.draw_figure()).axes
         assert [label.get_text() for label in panel.get_xticklabels()] == ["once", "firefly"]
         assert [row[key] for row in written(form.tables[".csv"])] == ["once", "firefly"]
+        (estimates,) = lines(panel, "Weibull mean (Appendix A)")
+        assert estimates.get_linestyle() == "None"  # nothing lies between names
+        assert all(to_hex(each.get_facecolor()[0]) == VIOLIN for each in panel.collections if each.get_facecolor().size)
+
+
+def test_curves_over_names_are_points_with_bars_side_by_side_and_no_lines() -> None:
+    key, files = "robots.0.controller", ["/me/once.py", "fire fly"]
+    made = in_memory(sweep({COUNT: [3, 5], SPEED: [1, 2]}, 20), lambda point: weibull(point, 100 + point.number))
+    points = [each._replace(axes={key: files[each.number % 2], COUNT: each.axes[COUNT]}) for each in made]
+    check_figure_axes(FigureSection(x=key), [point.axes for point in points])
+    form = read_form(points, {"x": key})
+    (panel,) = laid_out(form.draw_figure()).axes
+    assert [label.get_text() for label in panel.get_xticklabels()] == ["once", "fire fly"]
+    drawn = [line for line in panel.get_lines() if line.get_marker() != "None" and len(line.get_xdata()) == 2]
+    assert [line.get_xdata().tolist() for line in drawn] == [[-0.125, 0.875], [0.125, 1.125]]
+    bars = [bar for each in panel.collections if isinstance(each, LineCollection) for bar in each.get_segments()]
+    assert sorted(x for ((x, _), _) in bars) == [-0.125, 0.125, 0.875, 1.125]
+    assert all(line.get_linestyle() == "None" for line in panel.get_lines())
+    assert [row[key] for row in written(form.tables[".csv"])] == ["once", "fire fly"] * 2
+
+
+def test_a_mean_that_is_extrapolated_beyond_all_trials_is_a_cross_on_the_upper_edge() -> None:
+    law = {1: ended(range(50, 70)), 2: ended([20, 100, 290] + [300] * 27, [True] * 3 + [False] * 27)}
+    made = in_memory(sweep({SPEED: [1, 2]}, stop={"max_cycles": 300}), lambda point: law[point.axes[SPEED]])
+    form = read_form(made, {"form": "violins"})
+    (panel,) = form.draw_figure().axes
+    assert form.curves[0].values[1] > panel.get_ylim()[1] > 300
+    assert [line.get_xdata().tolist() for line in lines(panel, "undetermined")] == [[2]]

@@ -8,12 +8,14 @@ from matplotlib.figure import Figure
 
 from epuck_sim import EpuckSimError, figures
 from epuck_sim.figures.sweep_figure import read_form
+from epuck_sim.figures.trial_page import describe_changes
 from tests.cli.commands import refused
 from tests.figures.drawn import legend_texts, written
 from tests.runs import made_folders
 from tests.runs.made_folders import COUNT, SPEED, WIDTH, censored, ended, in_memory, store_measured, sweep, weibull
 
 SPEEDS = [0.5, 5]
+DELAY = "robots.0.parameters.delay_ms"
 POINTS = in_memory(sweep({WIDTH: [40, 60], SPEED: SPEEDS}, trials=9), lambda point: weibull(point, 50))
 GIVEN = {"start": {"phases": "synchronised", "displacement": 0.01}, "stop": {"order_parameter": None, "max_cycles": 5}}
 AGENTS = sweep({"agents.speed_cm_s": [3, 30]}, trials=2, model="particles", agents={"count": 4}, **GIVEN)
@@ -62,6 +64,26 @@ def test_labels_are_as_asked_for_without_units_in_the_legend_and_axes_are_named_
     assert read_form(POINTS, {"panels": "width_cm"}).titles == ["L = 40 cm", "L = 60 cm"]
 
 
+def test_n_is_the_number_of_all_robots_and_no_count_of_one_of_two_groups_or_of_faults() -> None:
+    counts = {COUNT: [9, 5], "robots.1.count": [1, 5]}
+    mixed = sweep(None, 9, robots=[{"count": 9}, {"count": 1}], sweep={"zip": counts, "grid": {SPEED: SPEEDS}})
+    read = read_form(in_memory(mixed, lambda point: weibull(point, 50)), {})
+    assert [label for _, label, _ in read.placed] == ["count of robots.0 = 9", "count of robots.0 = 5"]
+    assert ", count of robots.0 = 9, count of robots.1 = 1, " in describe_changes(mixed)
+    dead = [[{"kind": "ring_dead", "count": count}] for count in (1, 2)]
+    read = read_form(in_memory(sweep({"faults": dead, SPEED: SPEEDS}, 9), lambda point: weibull(point, 50)), {})
+    assert [label for _, label, _ in read.placed] == [f"faults = ring_dead, count = {count}" for count in (1, 2)]
+
+
+@pytest.mark.parametrize(("form", "x"), [("curves", SPEED), ("curves", DELAY), ("violins", SPEED), ("map", SPEED)])
+def test_axes_of_a_zip_are_all_told_in_the_caption_and_the_table(form: str, x: str) -> None:
+    zipped = sweep(None, 9, sweep={"zip": {SPEED: SPEEDS, DELAY: [0, 62]}, "grid": {COUNT: [3, 5]}})
+    read = read_form(in_memory(zipped, lambda point: weibull(point, 50)), {"form": form, "x": x})
+    assert "Together vary V = 0.5 cm/s, Δ = 0 ms; V = 5 cm/s, Δ = 62 ms." in read.caption.splitlines()
+    told = {(row[SPEED], row[DELAY]) for row in written(read.tables[".csv"])}
+    assert told == {("0.5", "0"), ("5", "62")}
+
+
 @pytest.mark.parametrize("form", ["curves", "violins"])
 def test_each_trial_is_a_dot_within_the_figure_and_hollow_if_it_is_censored(form: str) -> None:
     half = ended([10] * 4 + [5000] * 5, [True] * 4 + [False] * 5)
@@ -72,6 +94,7 @@ def test_each_trial_is_a_dot_within_the_figure_and_hollow_if_it_is_censored(form
         found = [y for line in drawn for y in line.get_ydata()]
         assert found == [t for p in points for t, seen in zip(p.times, p.observed, strict=True) if seen == is_known]
         assert {line.get_markerfacecolor() == "none" for line in drawn} == {not is_known}
+        assert len({x for line in drawn for x in line.get_xdata()}) == (1 if is_known else 5 + 9)  # each to be seen
     assert panel.get_ylim()[1] > 5000
 
 

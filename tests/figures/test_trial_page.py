@@ -160,6 +160,9 @@ def test_the_title_names_the_outcome_and_what_is_not_as_in_the_shipped_scenario(
     changed = load_scenario("thesis", ["robots.0.parameters.speed_cm_s=3", "stop.max_time_s=1", "trials=7"])
     _, *rest = page_title(trial._replace(scenario=changed), has_oscillators=True).splitlines()
     assert sorted("".join(rest).removeprefix("with ").split(", ")) == ["V = 3 cm/s", "max time = 1 s"]
+    mine = changed.model_copy(update={"robots": (changed.robots[0].model_copy(update={"controller": "/me/once.py"}),)})
+    assert "controller = once," in page_title(trial._replace(scenario=mine), has_oscillators=True)
+    assert draw_page(trial, "mine").get_suptitle() == "mine"
     for stop, has_oscillators, outcome in [
         ({}, True, "not synchronised"),
         ({"order_parameter": None}, True, "7 cycles"),

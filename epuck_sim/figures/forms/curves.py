@@ -15,7 +15,7 @@ from epuck_sim.display.table import Row
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.figures import style
-from epuck_sim.figures.forms.form import Choices, Form, draw_trials, joined, names_of
+from epuck_sim.figures.forms.form import Choices, Form, draw_trials, end_scale, joined, names_of, number_names
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
 from epuck_sim.figures.saving import tabulate, tabulate_rows
 from epuck_sim.measures.measure import SERIES_COLUMNS, T_SYNC
@@ -33,10 +33,6 @@ MAX_CURVES = 500  # largest number of curves of a figure; more are neither told 
 MAX_EXTRAPOLATION = 100
 """Largest Weibull mean that is shown, as a multiple of the limit of trials; larger ones are extrapolated too far."""
 
-CROSS_ROW, MOST_CROSSES = 0.045, 0.36
-"""Height of a row of crosses at the upper edge of a panel, one for each curve that has any, and of all rows, which are
-narrower where there are many, as shares of the panel."""
-
 EXTREMUM: Any = {"markersize": 7, "markeredgecolor": "black"}  # looks of the minimum and the peak
 
 NOT_A_SPEED = ExtremaSearch({}, None, "the axis is no speed")
@@ -47,21 +43,23 @@ class Curves(Form):
     """Curves with their 95 % bands.
 
     The scale is logarithmic for T_sync, and for measures that are positive and far apart. Points are hollow where
-    trials are censored; a cross at the upper edge is undetermined; triangles are the local minimum and the peak, where
-    found; the base case is dashed.
+    trials are censored, at a grey line; a cross on the upper edge is undetermined; triangles are the local minimum and
+    the peak, where found; the base case is dashed.
     """
 
     name = "curves"
 
     axis: str  # dotted key of the horizontal axis
     curves: Sequence[Curve]
+    names: Sequence[str] = ()  # values of the axis if they are no numbers; points are then at 0, 1 and so on
     split_by: str | None = None  # dotted key of the axis that has a panel for each of its values; None for one panel
     others: list[FloatArray] = field(default_factory=list)  # further values for which panels must have room
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
         rows = [point.axes for point in points]
-        axis = choose_axis(rows, *choices.axis("x"))
+        axis = choose_axis(rows, *choices.axis("x"), by_name=True)
+        points, names = number_names(points, axis)
         split_by, origin = choices.axis("panels", taken=axis)
         if (count := len(group_by_other_axes(points, axis))) > MAX_CURVES:
             raise EpuckSimError(
@@ -70,11 +68,11 @@ class Curves(Form):
             )
         curves = read_curves(points, axis, Statistic(choices.section.statistic))
         check_panels(rows, axis, split_by, origin)
-        return cls(axis=axis, curves=curves, split_by=split_by)
+        return cls(axis=axis, curves=curves, names=names, split_by=split_by)
 
     @cached_property
     def searches(self) -> Sequence[ExtremaSearch]:
-        """Minimum and peak of each curve of T_sync against speed; none of a measure."""
+        """Minimum and peak of each curve of T_sync against speed; none of others."""
         if self.of not in T_SYNC or not self.axis.endswith(SPEED):
             return [NOT_A_SPEED] * len(self.curves)
         return [search_extrema(curve) for curve in self.curves]
@@ -116,9 +114,9 @@ class Curves(Form):
 
     @property
     def tables(self) -> Mapping[str, str]:
-        """The points of the curves, and of T_sync their minima and peaks."""
-        points = {".csv": curves_table(self.axis, self.curves)}
-        if self.of not in T_SYNC:
+        """The points of the curves, and of T_sync against speed their minima and peaks."""
+        points = {".csv": curves_table(self.axis, self.curves, self.names)}
+        if NOT_A_SPEED in self.searches:
             return points
         each = zip(self.curves, self.searches, strict=True)
         return {**points, "-regimes.csv": tabulate_rows([_extrema_row(*found) for found in each])}
@@ -135,45 +133,60 @@ class Curves(Form):
         return notes
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        highest, beyond = self._ends()
         x = joined(self.curves, "x")
         is_log = style.has_log_scale(self.of, joined(self.curves, "values"), self.settings.scale)
+        top, beyond = self._ends(is_log)
         for panel in panels:
             style.make_logarithmic(panel, *["y"] * is_log, *["x"] * style.is_logarithmic(self.axis, x))
             style.mark_wholes(panel.xaxis, x)
+            style.set_names(panel, self.names)
         looks = {label: look for _, label, look in self.placed}
         for label, look in looks.items():
             if label:
-                panels[0].plot([], [], marker=look.marker, color=look.colour, label=style.typeset(label))
+                shown: Any = {"label": style.typeset(label), "linestyle": "none" if self.names else "-"}
+                panels[0].plot([], [], marker=look.marker, color=look.colour, **shown)
         each = zip(self.curves, self.placed, strict=True)
-        hidden = {label for curve, (_, label, _) in each if np.isnan(curve.values).any()}
-        crossed = [label for label in looks if label in hidden]
-        height = min(CROSS_ROW, MOST_CROSSES / max(1, len(crossed)))
+        crossed = [*dict.fromkeys(label for curve, (_, label, _) in each if np.isnan(curve.values).any())]
         drawn = zip(self.panels_of(panels), self.curves, self.searches, self.placed, strict=True)
         for panel, curve, search, (_, label, look) in drawn:
-            row = crossed.index(label) if label in crossed else 0
-            _draw_curve(panel, curve, search.places, look, 1 - 0.8 * CROSS_ROW - height * row, beyond)
+            number, is_log_x = [*looks].index(label), panel.get_xscale() == "log"
+            places = style.shifted(curve.x, number, len(looks), is_log_x) if self.names else curve.x
+            self._draw_curve(panel, curve._replace(x=places), search.places, look, beyond)
+            if label in crossed and not self.names:
+                places = style.shifted(curve.x, crossed.index(label), len(crossed), is_log_x)
+            style.draw_crosses(panel, places[np.isnan(curve.values)], look.colour)
             if self.settings.points:
-                places = shifted(curve.x, [*looks].index(label), len(looks), panel.get_xscale() == "log")
-                draw_trials(panel, places, curve, look.colour)
+                draw_trials(panel, curve, look.colour, number, len(looks))
         self._label_marks(panels[0])
-        for panel in panels:
-            if self.of in T_SYNC:
-                panel.set_ylim(top=min(panel.get_ylim()[1], (3 if is_log else 1.5) * highest))
-            if math.isfinite(highest):
-                _make_room(panel, highest, height * len(crossed) + 0.8 * CROSS_ROW if crossed else 0.0)
+        end_scale(panels, self.curves, top)
 
-    def _ends(self) -> tuple[float, float]:
-        """Return the highest value, -inf without any, and the upper end of bands that have no known end."""
+    def _ends(self, is_log: bool) -> tuple[float, float]:
+        """Return the highest end of the scale, and the upper end of bands that have no known end."""
         dots = [each.values for curve in self.curves for each in curve.measured if self.settings.points]
         values = np.concatenate([joined(self.curves, "values"), *dots, *self.others])
         known = values[np.isfinite(values)]
         if self.of not in T_SYNC:
-            highest, ends = float(known.max(initial=-math.inf)), joined(self.curves, "intervals")[:, 1]
-            return highest, float(ends[np.isfinite(ends)].max(initial=highest))
+            ends = joined(self.curves, "intervals")[:, 1]
+            return math.inf, float(np.concatenate([known, ends[np.isfinite(ends)]]).max(initial=-math.inf))
         limits = (each.limit for curve in self.curves for each in curve.measured)
         longest = MAX_EXTRAPOLATION * max(limits, default=math.inf)
-        return min(float(known.max(initial=1.0)), longest), 1e12
+        return (3 if is_log else 1.5) * min(float(known.max(initial=1.0 if len(known) else math.inf)), longest), 1e12
+
+    def _draw_curve(self, panel: Axes, curve: Curve, found: Mapping[str, Place], look: style.Look, end: float) -> None:
+        """Draw a line, with a gap where it is undetermined, in its band; over names only points and bars."""
+        known = ~np.isnan(curve.values)
+        low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, nan=np.nan, posinf=end), np.nan).T
+        if self.names:
+            panel.vlines(curve.x, low, high, look.colour, linewidth=1)
+        else:
+            style.draw_intervals(panel, curve.x, low, high, look.colour)
+            panel.plot(curve.x, curve.values, "--" if is_base_case(curve) else "-", color=look.colour)
+        for censored, face in ((False, look.colour), (True, "white")):
+            chosen = known & ((curve.censored > 0) == censored)
+            panel.plot(curve.x[chosen], curve.values[chosen], look.marker, color=look.colour, markerfacecolor=face)
+        for v, t, marker in (("V_m", "T_m", "v"), ("V_p", "T_p", "^")) if found else ():
+            speed, time = found[v].estimate.value, found[t].estimate.value
+            panel.plot(speed, time, marker, color=look.colour, zorder=4, **EXTREMUM)
 
     def _label_marks(self, panel: Axes) -> None:
         is_known = ~np.isnan(joined(self.curves, "values"))
@@ -182,7 +195,8 @@ class Curves(Form):
         if any(map(is_base_case, self.curves)):
             panel.plot([], [], "--", color=style.GREY, label="base case")
         if (joined(self.curves, "censored")[is_known] > 0).any():
-            panel.plot([], [], "o", color=style.GREY, markerfacecolor="white", label="some trials censored")
+            label = "restricted mean: some censored" if self.settings.statistic == "mean" else "some trials censored"
+            panel.plot([], [], "o", color=style.GREY, markerfacecolor="white", label=label)
         if not is_known.all():
             panel.plot([], [], "x", color=style.GREY, label=undetermined_label(self.of))
         if any(search.places for search in self.searches):
@@ -190,11 +204,12 @@ class Curves(Form):
                 panel.plot([], [], marker, color=style.GREY, label=style.typeset(label), **EXTREMUM)
 
 
-def curves_table(axis: str, curves: Sequence[Curve]) -> str:
-    """Return CSV with a row for each point of curves over `axis`; their other axes come first."""
-    names = (axis, *POINT_COLUMNS)
-    columns = [(c.x, c.trials, c.censored, c.names, c.values, *c.intervals.T) for c in curves]
-    return tabulate((c.axes, dict(zip(names, found, strict=True))) for c, found in zip(curves, columns, strict=True))
+def curves_table(axis: str, curves: Sequence[Curve], values: Sequence[str] = ()) -> str:
+    """Return CSV with a row for each point of curves over `axis`, whose `values` may be names, after other axes."""
+    xs = [np.array(values)[c.x.astype(int)] if values else c.x for c in curves]
+    columns = [(c.trials, c.censored, c.names, c.values, *c.intervals.T) for c in curves]
+    each = zip(curves, xs, columns, strict=True)
+    return tabulate((c.axes, {axis: x, **c.tied, **dict(zip(POINT_COLUMNS, row, strict=True))}) for c, x, row in each)
 
 
 def _extrema_row(curve: Curve, search: ExtremaSearch) -> Row:
@@ -203,50 +218,10 @@ def _extrema_row(curve: Curve, search: ExtremaSearch) -> Row:
     return Row(curve.axes, {**places, "p_value": search.p_value, "reason": search.reason})
 
 
-def shifted(x: FloatArray, number: int, count: int, is_log: bool) -> FloatArray:
-    """Return places, (n,), beside points of an axis for the dots of one of several curves.
-
-    >>> shifted(np.array([1.0, 2.0]), 0, 2, False)
-    array([0.875, 1.875])
-    """
-    places = np.log10(x) if is_log else x
-    gap = float(np.diff(places).min()) if len(x) > 1 else 1.0
-    moved = places + gap * ((number + 0.5) / count - 0.5) / 2
-    return 10**moved if is_log else moved
-
-
 def is_base_case(curve: Curve) -> bool:
     """Return whether a curve has the axis values that its scenario calls the base case."""
     base = curve.scenario.figure.base_case
     return bool(base) and all(key in curve.axes and curve.axes[key] == value for key, value in base.items())
-
-
-def _make_room(panel: Axes, highest: float, share: float) -> None:
-    """Raise the end of the vertical scale so that this upper share of the panel is above the highest value."""
-    bottom, top = panel.get_ylim()
-    if panel.get_yscale() == "log":
-        reach = bottom * math.exp(math.log(1.15 * highest / bottom) / (1 - share))
-    else:
-        reach = bottom + 1.05 * (highest - bottom) / (1 - share)
-    panel.set_ylim(top=max(top, reach))
-
-
-def _draw_curve(
-    panel: Axes, curve: Curve, places: Mapping[str, Place], look: style.Look, cross_at: float, beyond: float
-) -> None:
-    known = ~np.isnan(curve.values)
-    low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, nan=np.nan, posinf=beyond), np.nan).T
-    style.draw_intervals(panel, curve.x, low, high, look.colour)
-    line_style = "--" if is_base_case(curve) else "-"
-    panel.plot(curve.x, curve.values, line_style, color=look.colour)  # with a gap where it is undetermined
-    for censored, face in ((False, look.colour), (True, "white")):
-        chosen = known & ((curve.censored > 0) == censored)
-        panel.plot(curve.x[chosen], curve.values[chosen], look.marker, color=look.colour, markerfacecolor=face)
-    at = np.full(np.count_nonzero(~known), cross_at)
-    panel.plot(curve.x[~known], at, "x", color=look.colour, transform=panel.get_xaxis_transform())
-    for v, t, marker in (("V_m", "T_m", "v"), ("V_p", "T_p", "^")) if places else ():
-        speed, time = places[v].estimate.value, places[t].estimate.value
-        panel.plot(speed, time, marker, color=look.colour, zorder=4, **EXTREMUM)
 
 
 MAX_LINES = 20  # largest number of lines; more of them are hard to distinguish

@@ -10,13 +10,12 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.labels import axis_label, format_axis_values, short_files
-from epuck_sim.figures.style import finish, make_panels, style, typeset
+from epuck_sim.figures.labels import axis_label, format_axis_values, format_value, short_files
+from epuck_sim.figures.style import GREY, finish, make_panels, shifted, style, typeset
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import FigureSection, distinguishing_axes
+from epuck_sim.scenario.axes import FigureSection, distinguishing_axes, numeric_axes
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.statistic import measure, quantity
 
@@ -51,6 +50,7 @@ class Form(ABC):
     of: str | None = None  # name of the measure; None for T_sync
     unit: str = ""
     ran: str = ""  # what was run, as text for captions
+    ties: Sequence[str] = ()  # which axes vary together, likewise
     settings: FigureSection = field(default_factory=FigureSection)
 
     @classmethod
@@ -86,7 +86,7 @@ class Form(ABC):
     @property
     def caption(self) -> str:
         """Caption: what was run, what is shown of it and what is not, line by line."""
-        notes = [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
+        notes = [f"{note[:1].upper()}{note[1:]}." for note in (*self.ties, *self.notes)]
         return "\n".join(filter(None, [self.ran, f"{self.shows}.", *notes]))
 
     @abstractmethod
@@ -129,6 +129,17 @@ class Form(ABC):
         return [format_axis_values(row, among, self.settings.labels) for row in short_files(distinguishing_axes(rows))]
 
 
+def number_names(points: Sequence[PointTrials], axis: str) -> tuple[Sequence[PointTrials], list[str]]:
+    """Return points with 0, 1 and so on in place of the names that are values of an axis, and the names, if any are."""
+    rows = [point.axes for point in points]
+    if axis in numeric_axes(rows):
+        return points, []
+    texts = [format_value(axis, row[axis]) for row in short_files([{axis: row[axis]} for row in rows])]
+    names = list(dict.fromkeys(texts))
+    each = zip(points, texts, strict=True)
+    return [point._replace(axes={**point.axes, axis: names.index(text)}) for point, text in each], names
+
+
 def names_of(curves: Sequence[Curve]) -> list[str]:
     """Return the names of the statistics of curves, each once."""
     return list(dict.fromkeys(name for curve in curves for name in curve.names))
@@ -139,14 +150,26 @@ def joined(curves: Sequence[Any], name: str) -> Any:
     return np.concatenate([getattr(curve, name) for curve in curves])
 
 
-def draw_trials(panel: Axes, places: FloatArray, curve: Curve, colour: str) -> None:
-    """Draw each trial of a curve as a dot at the place, (S,), of its point; dots of censored trials are hollow."""
+def end_scale(panels: Sequence[Axes], curves: Sequence[Curve], top: float) -> None:
+    """Let vertical scales end at the top or below, with a line at the cycle at which all censored trials are."""
+    limits = {each.horizon for curve in curves for each in curve.measured if each.censored}
+    for panel in panels:
+        if len(limits) == 1 and min(limits) <= top:
+            label = f"limit: {min(limits):g} {curves[0].measured[0].unit}"
+            panel.axhline(min(limits), color=GREY, linestyle=":", label=label)
+        panel.set_ylim(top=min(panel.get_ylim()[1], top))
+
+
+def draw_trials(panel: Axes, curve: Curve, colour: str, number: int = 0, count: int = 1) -> None:
+    """Draw each trial of one of `count` curves as a dot; those of censored trials are hollow, and lie side by side."""
     looks: Any = {"color": colour, "markeredgewidth": 0.4, "markersize": 1.6, "alpha": 0.4, "zorder": 1.9}
-    for x, measured in zip(places.tolist(), curve.measured, strict=True):
+    for place, measured in enumerate(curve.measured):
         for observed, face, label in ((True, colour, "a trial"), (False, "none", "a censored trial")):
             values = measured.values[measured.observed == observed]
             if len(values):
-                dots = np.full(len(values), x), values, "o"
+                row = (np.arange(len(values)) - (len(values) - 1) / 2) / len(measured.values) * (not observed)
+                x = shifted(curve.x, number + row[:, None], count, panel.get_xscale() == "log")[:, place]
+                dots = x, values, "o"
                 panel.plot(*dots, markerfacecolor=face, rasterized=len(values) > MAX_DOTS, label=label, **looks)
 
 

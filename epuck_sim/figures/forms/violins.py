@@ -5,6 +5,7 @@ Distributions of measures stand beside their means.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -13,18 +14,17 @@ from matplotlib.axes import Axes
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import style
-from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials, joined
-from epuck_sim.figures.labels import format_value, short_files, undetermined_label
+from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials, end_scale, joined, number_names
+from epuck_sim.figures.labels import undetermined_label
 from epuck_sim.figures.saving import tabulate
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import choose_axis, numeric_axes
+from epuck_sim.scenario.axes import choose_axis
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, read_curves
 
 HEIGHTS = 100  # number of values at which a density is evaluated
-CROSS_AT = 0.965  # height of crosses, as a share of the panel
-HALF_WIDTH = 0.4  # half the largest width of a violin, relative to the smallest distance between two
+HALF_WIDTH = 0.4  # half the width of a violin of all trials, relative to the smallest distance between two
 
 VIOLIN, LINE = "#5f9fd0", "#b2182b"
 """Colours of violins, and of the line through the estimates."""
@@ -34,11 +34,12 @@ VIOLIN, LINE = "#5f9fd0", "#b2182b"
 class Violins(Form):
     """Violins and estimates, a panel for each combination of the other axes.
 
-    A violin is the density of log T_sync of the trials that synchronised, a bar if they all took the same time. The
-    line is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the mean of
-    all trials, if none is censored; a dashed line is the cycle at which the estimate takes trials as censored. For a
-    measure, a violin is the density of its values, or of their logarithms on a logarithmic scale, and the line is the
-    mean. The scale is logarithmic for T_sync, and for a measure if its values are positive and far apart.
+    A violin is the density of log T_sync of the trials that synchronised, as wide as their share, or a bar if all took
+    the same time. The line is the estimate in its 95 % band, or dots with bars over names, with a cross on the upper
+    edge where it is undetermined or far beyond all trials; a diamond is the mean of all trials, if none is censored; a
+    dashed line is the cycle at which the estimate takes trials as censored. For a measure, a violin is the density of
+    its values, or of their logarithms on a logarithmic scale, and the line is the mean. The scale is logarithmic for
+    T_sync, and for a measure if its values are positive and far apart.
     """
 
     name = "violins"
@@ -52,12 +53,8 @@ class Violins(Form):
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
         check_has_values(points, cls.name)
         rows = [point.axes for point in points]
-        axis, names = choose_axis(rows, *choices.axis("x"), by_name=True), list[str]()
-        if axis not in numeric_axes(rows):
-            texts = [format_value(axis, row[axis]) for row in short_files([{axis: row[axis]} for row in rows])]
-            names = list(dict.fromkeys(texts))
-            each = zip(points, texts, strict=True)
-            points = [point._replace(axes={**point.axes, axis: names.index(text)}) for point, text in each]
+        axis = choose_axis(rows, *choices.axis("x"), by_name=True)
+        points, names = number_names(points, axis)
         censored_at = choices.section.censored_at_cycles if points[0].of is None else None
         limit = max(point.scenario.stop.max_cycles for point in points)
         if "censored_at_cycles" in choices.given and censored_at is not None and censored_at > limit:
@@ -93,8 +90,8 @@ class Violins(Form):
         return {".csv": tabulate((curve.axes, self._columns(curve)) for curve in self.curves)}
 
     def _columns(self, curve: Curve) -> dict[str, Any]:
-        values = [self.names[int(place)] for place in curve.x] if self.names else curve.x
-        found: dict[str, Any] = {self.axis: values, "trials": curve.trials}
+        values = np.array(self.names)[curve.x.astype(int)] if self.names else curve.x
+        found: dict[str, Any] = {self.axis: values, **curve.tied, "trials": curve.trials}
         if self.of in T_SYNC:
             found |= {"censored": curve.censored, "mean": sample_means(curve)}
         name = "weibull" if self.of in T_SYNC else "mean"
@@ -104,48 +101,44 @@ class Violins(Form):
     def draw(self, panels: Sequence[Axes]) -> None:
         x = joined(self.curves, "x")
         shown = np.concatenate([each for curve in self.curves for each in (*synchronised(curve), curve.values)])
-        dots = [each.values for curve in self.curves for each in curve.measured if self.settings.points]
+        kept = [each.values[each.observed | self.settings.points] for curve in self.curves for each in curve.measured]
+        top = 3 * float(np.concatenate(kept).max(initial=self.censored_at or 1)) if self.of in T_SYNC else np.inf
         is_log, has_logs = style.is_logarithmic(self.axis, x), style.has_log_scale(self.of, shown, self.settings.scale)
         places = np.unique(np.log10(x) if is_log else x)
         half_width = HALF_WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
         for panel, curve in zip(panels, self.curves, strict=True):
             style.make_logarithmic(panel, *["y"] * has_logs, *["x"] * is_log)
             style.mark_wholes(panel.xaxis, x)
-            if self.names:
-                panel.set_xticks(range(len(self.names)), list(map(style.typeset, self.names)))
+            style.set_names(panel, self.names)
             self._draw_violins(panel, curve, half_width, is_log, has_logs)
-            self._draw_estimates(panel, curve)
+            self._draw_estimates(panel, curve, top)
             if self.settings.points:
-                draw_trials(panel, curve.x, curve, "black")
+                draw_trials(panel, curve, "black")
             if self.censored_at is not None:
-                limit = style.format_tick(self.censored_at, plain=style.is_plain(1, self.censored_at))
-                label = f"{style.typeset('T_cens')} of the Weibull mean: {limit}"
+                label = f"{style.typeset('T_cens')} of the Weibull mean: {self.censored_at}"
                 panel.axhline(self.censored_at, color=style.GREY, linestyle="--", linewidth=1, label=label)
-        if self.of in T_SYNC and has_logs:
-            for panel in panels:
-                panel.set_ylim(top=3 * float(np.nanmax(np.concatenate([shown, *dots]), initial=self.censored_at or 1)))
+        end_scale(panels, self.curves, top)
 
     def _draw_violins(self, panel: Axes, curve: Curve, half_width: float, is_log: bool, has_logs: bool) -> None:
         """Draw violins with this largest half-width, in decades where x is logarithmic."""
         label = "trials that synchronised" if self.of in T_SYNC else "trials"
-        for x, times in zip(curve.x, synchronised(curve), strict=True):
+        for x, times, censored in zip(curve.x, synchronised(curve), curve.censored, strict=True):
             if len(times):
                 heights, widths = density(times, of_logarithms=has_logs)
-                ends = -half_width * widths, half_width * widths
+                ends = np.outer((-half_width, half_width), (1 - censored) * widths)
                 left, right = (x * 10**end if is_log else x + end for end in ends)
                 panel.fill_betweenx(heights, left, right, color=VIOLIN, linewidth=1, label=label)
 
-    def _draw_estimates(self, panel: Axes, curve: Curve) -> None:
+    def _draw_estimates(self, panel: Axes, curve: Curve, top: float) -> None:
         low, high = np.nan_to_num(curve.intervals, posinf=1e12, nan=np.nan).T
         label = "Weibull mean (Appendix A)" if self.of in T_SYNC else "mean"
-        panel.plot(curve.x, curve.values, ".-", color=LINE, label=label)
-        style.draw_intervals(panel, curve.x, low, high, LINE, "its 95 % interval")
-        unknown = curve.x[np.isnan(curve.values)]
-        if len(unknown):
-            at, place = np.full(len(unknown), CROSS_AT), panel.get_xaxis_transform()
-            panel.plot(unknown, at, "x", color=LINE, transform=place, label=undetermined_label(self.of))
+        panel.plot(curve.x, curve.values, "." if self.names else ".-", color=LINE, label=label)
+        draw = panel.vlines if self.names else partial(style.draw_intervals, panel)  # nothing is between names
+        draw(curve.x, low, high, LINE, label="its 95 % interval")
+        if len(unknown := curve.x[~(curve.values <= top)]):  # also of a mean that is extrapolated too far
+            style.draw_crosses(panel, unknown, LINE, undetermined_label(self.of))
         if self.of in T_SYNC and not np.isnan(means := sample_means(curve)).all():
-            panel.plot(curve.x, means, "D", color="black", markersize=3, label="mean of all trials")
+            panel.plot(curve.x, means, "D", color="black", markersize=3, label="mean, if no trial is censored")
 
 
 def read_violins(points: Sequence[PointTrials], axis: str, censored_at: int | None = None) -> list[Curve]:
