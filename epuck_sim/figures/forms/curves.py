@@ -191,7 +191,8 @@ class Curves(Form):
     def _label_marks(self, panel: Axes) -> None:
         is_known = ~np.isnan(joined(self.curves, "values"))
         if np.isfinite(joined(self.curves, "intervals")[is_known, 0]).any():
-            panel.fill_between([], [], color=style.GREY, alpha=style.BAND, linewidth=0, label="95 % interval")
+            marks: Any = {"color": style.GREY, "label": "95 % interval"}
+            panel.vlines([], [], [], **marks) if self.names else panel.fill_between([], [], alpha=style.BAND, **marks)
         if any(map(is_base_case, self.curves)):
             panel.plot([], [], "--", color=style.GREY, label="base case")
         if (joined(self.curves, "censored")[is_known] > 0).any():
