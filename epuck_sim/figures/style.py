@@ -166,7 +166,7 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
         return
     for columns in range(min(4, len(handles)), 0, -1):
         legend = figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
-        if legend.get_window_extent().width < figure.bbox.width:
+        if legend.get_window_extent().width < 0.98 * figure.bbox.width:  # or its frame is cut
             return
         legend.remove()
     letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM / rcParams["font.size"]) - 4

@@ -140,7 +140,6 @@ function estimate(results, limit, student) {
   const freedom = Math.min(trials - 1, observed);
   if (trials < MIN_TRIALS || !error) return { mean, low: NaN, high: NaN };
   const reach = student[Math.min(freedom, student.length) - 1] * error, factor = Math.exp(reach / mean);
-  if (results.some((each) => each.cycles === 0)) return { mean, low: mean - reach, high: mean + reach };
   return { mean, low: mean / factor, high: Math.min(mean * factor, all ? Infinity : horizon) };
 }
 
