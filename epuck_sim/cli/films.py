@@ -49,6 +49,9 @@ TagsOption = Annotated[
         "Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
     ),
 ]
+FpsOption = Annotated[
+    float | None, film_option("N", "Frames per second, instead of the film's time stamps.", min=0.1, max=10_000)
+]
 PeriodOption = Annotated[
     float | None,
     decision_option(
@@ -76,6 +79,7 @@ def scene_options(
     period_s: float | None,
     robots: int | None,
     tags: str | None,
+    fps: float | None,
 ) -> "TrackOptions":
     """Return the options about the scene; raise FilmError for an arena, corners or tags that cannot be read."""
     from epuck_sim.overhead.calibration import TrackOptions
@@ -90,6 +94,7 @@ def scene_options(
         robots=robots,
         tags=dictionary,
         tag_numbers=numbers,
+        fps=fps,
     )
 
 
@@ -152,9 +157,7 @@ def track(
     end: Annotated[
         float | None, film_option("--end-s S", "Leave out frames after this time on the film's clock.", min=0)
     ] = None,
-    fps: Annotated[
-        float | None, film_option("N", "Frames per second, instead of the film's time stamps.", min=0.1, max=10_000)
-    ] = None,
+    fps: FpsOption = None,
     arena: ArenaOption = None,
     height: HeightOption = None,
     corners: CornersOption = None,
@@ -222,12 +225,11 @@ def track(
     from epuck_sim.overhead.robots import find_robots, save_robots
     from epuck_sim.overhead.track import look_again, track_film
 
-    scene = scene_options(arena, height, corners, lens, period, robots, tags)._replace(
+    scene = scene_options(arena, height, corners, lens, period, robots, tags, fps)._replace(
         threshold_ms=threshold,
         order_parameter=order,
         start_s=start,
         end_s=math.inf if end is None else end,
-        fps=fps,
     )
     tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
     outputs = {
@@ -265,6 +267,7 @@ def compare_film(
     scenario: options.ScenarioArgument,
     settings: options.SetOption = None,
     trials: Annotated[int, option("N", "Number of simulated trials.", min=1, max=10_000)] = 40,
+    fps: FpsOption = None,
     arena: Annotated[str | None, arena_option("as in SCENARIO")] = None,
     height: HeightOption = None,
     corners: CornersOption = None,
@@ -285,10 +288,15 @@ def compare_film(
         Path | None, output_option("FILE.yaml", "Write the scenario with robots fitted to the film.")
     ] = None,
 ) -> None:
-    """Compare T_sync, flashes, speeds and clocks in FILM with their distributions in simulated trials."""
+    """Compare T_sync, flashes, speeds and clocks in FILM with their distributions in simulated trials.
+
+    Arena, robots and period are as in SCENARIO unless options, or the film's description, tell them.
+    """
     from epuck_sim.cli.progress import progress_bar, trials_bar
     from epuck_sim.cli.tables import print_comparison
     from epuck_sim.overhead import compare
+    from epuck_sim.overhead.calibration import parse_metadata
+    from epuck_sim.overhead.filming import describe_film
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import track_film
     from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -298,7 +306,7 @@ def compare_film(
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
     loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "a film needs model: embodied")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
-    scene = scene_options(arena, height, corners, lens, period, robots, tags)
+    scene = scene_options(arena, height, corners, lens, period, robots, tags, fps)
     files = {}
     if plot is not None:
         from epuck_sim.figures.saving import check_files, parse_target
@@ -311,7 +319,7 @@ def compare_film(
     one = f"{loaded.name}: has {groups} groups of robots; allowed: one, to fit it to a film"
     reject_first((fit is not None and groups > 1, one))
     simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
-    track = track_film(film, scene, None, progress_bar("tracking"), simulated_cm)
+    track = track_film(film, scene, None, progress_bar("tracking"), parse_metadata(describe_film(loaded, loaded.seed)))
     found = find_robots(track)
     floor_cm = track.geometry.floor_cm
     print_doubts((*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings))

@@ -221,8 +221,9 @@ def _if_estimated(track: "Track", name: str) -> str:
 
 
 UNTOLD = (
-    "A film does not show coupling, refractory time, what robots see and how late, or gains of infrared sensors: these "
-    "stay as in the scenario, and may make trials differ from the film."
+    "A film does not show coupling, refractory time, what robots see and how late, gains of infrared sensors, wheels' "
+    "noise and imbalance, or robots that get stuck: these stay as in the scenario, and may make trials differ from the "
+    "film."
 )
 
 
@@ -273,10 +274,11 @@ def _cells_of_quantity(row: "QuantityComparison") -> dict[str, Any]:
     low, middle, high = [math.nan] * 3
     if len(known):
         low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), method="nearest").tolist()
+    unknown = f", {row.unknown} unknown" * (row.unknown > 0)
     return {
         "quantity": row.name,
         "unit": row.unit,
         "film": "beyond" if math.isinf(row.film) else significant(row.film),
-        "trials": str(Estimate(middle, low, high)).replace("?", "beyond"),
+        "trials": str(Estimate(middle, low, high)).replace("?", "beyond") + unknown,
         "percentile": Share(row.percentile / 100),
     }

@@ -114,10 +114,9 @@ class TrackOptions(NamedTuple):
     end_s: float = math.inf  # time on the film's clock after which frames are left out
     fps: float | None = None  # frames per second, instead of the film's own time stamps
 
-    def with_defaults(self, metadata: FilmMetadata, arena_cm: tuple[float, float] | None = None) -> Self:
-        """Return these options; fill in those that are None from a film's metadata, or else from an arena's size."""
-        told = {name: getattr(self, name) or getattr(metadata, name) for name in DESCRIBED}
-        return self._replace(**told | {"arena_cm": told["arena_cm"] or arena_cm})
+    def with_defaults(self, metadata: FilmMetadata) -> Self:
+        """Return these options; fill in those that are None from a film's metadata."""
+        return self._replace(**{name: getattr(self, name) or getattr(metadata, name) for name in DESCRIBED})
 
     def contradictions(self, metadata: FilmMetadata) -> list[str]:
         """Return a sentence for each option that a film's metadata contradict."""

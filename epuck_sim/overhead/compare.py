@@ -154,7 +154,11 @@ UNLIKE = 0.05  # largest p-value at which a film is unlike the trials
 FEWEST_TRIALS = 19  # fewest trials with which a film can have so small a p-value
 FEWEST_KNOWN = 0.5  # least share of film and trials that must have a quantity for it to be judged
 LEAST_SPREAD = 0.005  # least standard deviation of a quantity, relative to its largest value: films are no more exact
-MOST_NAMED = 3  # quantities that a verdict names, at most
+FARTHEST_TIED = 4.0
+"""Largest distance, in standard deviations, of a value from others most of which are the same, as these tell no scale:
+more than nearly all distances of other quantities, less than that of a film that is clearly off."""
+FLASH, CYCLE = "flash duration", "median cycle"  # quantities that a wrong clock changes by the same factor
+LONGER = ("shorter", "longer")  # words for smaller and larger times
 NEAR_WALL_CM = 5.0  # largest distance of a robot's middle that is near a wall, as in the measure `near_walls`
 SEEN_SHARE = 0.1  # share of an exposure for which a ring must be lit to be seen; our estimate
 
@@ -179,6 +183,11 @@ class QuantityComparison(NamedTuple):
         return int(np.isnan(self.trials).sum())
 
     @property
+    def ways(self) -> tuple[str, str]:
+        """Words for a smaller and for a larger value."""
+        return ("lower", "higher") if self.unit in ("cm/s", "share") else LONGER
+
+    @property
     def percentile(self) -> float:
         """Percentage of trials with smaller values, plus half of those with the same; NaN if film or trials lack it."""
         known = self.trials[~np.isnan(self.trials)]
@@ -191,7 +200,8 @@ class QuantityComparison(NamedTuple):
         """Return (1 + trials,) distances of the film and of each trial from the others, in their standard deviations.
 
         A time beyond the film's end counts as that end, or as the longest known time if it is longer. Unknown values
-        have distance 0, and so have all if the film or most of the trials do not have the quantity.
+        have distance 0, and so have all if the film or most of the trials do not have the quantity. If most values are
+        the same, the others are `FARTHEST_TIED` away at most.
         """
         values = np.append(self.film, self.trials)
         is_finite, is_known = np.isfinite(values), ~np.isnan(values)
@@ -203,7 +213,8 @@ class QuantityComparison(NamedTuple):
             others = values[is_known & (np.arange(len(values)) != index)]
             spread = max(float(others.std(ddof=1)), LEAST_SPREAD * float(np.abs(others).max()), 1e-12)
             distances[index] = (values[index] - others.mean()) / spread
-        return distances
+        is_tied = np.isclose(values[is_known], np.median(values[is_known]), rtol=ROUNDING, atol=0).mean() > 0.5
+        return FARTHEST_TIED * np.tanh(distances / FARTHEST_TIED) if is_tied else distances
 
 
 class Verdict(NamedTuple):
@@ -237,14 +248,12 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
     p_value = float(np.count_nonzero(largest >= largest[0]) / (1 + trials))
     if p_value > UNLIKE:
         return Verdict(p_value, f"{caution}the film is like the simulated trials (p = {p_value:.2g})")
-    far = np.argsort(-np.abs(distances[:, 0]))[:MOST_NAMED]
-    bound = min(np.sort(largest[1:])[-max(1, int(UNLIKE * trials))], largest[0])
-    named = [
-        f"{rows[index].name} is {'higher' if distances[index, 0] > 0 else 'lower'}"
-        for index in far
-        if abs(distances[index, 0]) >= bound
-    ]
-    unlike = f"the film is unlike the simulated trials (p = {p_value:.2g}): {' and '.join(named)} than theirs"
+    alone = np.mean(np.abs(distances) >= np.abs(distances[:, :1]), axis=1)  # p-values of each quantity alone
+    far = [index for index in np.argsort(-np.abs(distances[:, 0])) if alone[index] <= UNLIKE]
+    named = [f"{rows[index].name} {rows[index].ways[int(distances[index, 0] > 0)]}" for index in far]
+    unlike = f"the film is unlike the simulated trials (p = {p_value:.2g}): {', '.join(named)} than theirs"
+    if any({f"{FLASH} {way}", f"{CYCLE} {way}"} <= set(named) for way in LONGER):
+        unlike += "; if flash and cycle are so by the same factor, check the film's clock (--fps)"
     return Verdict(p_value, caution + unlike)
 
 
@@ -324,8 +333,8 @@ def _slow(_: Track, robots: Robots) -> float:
 QUANTITIES: dict[tuple[str, str], Callable[[Track, Robots], float]] = {
     ("T_sync", "cycles"): lambda track, _: _within(track, track.t_sync_cycles),
     ("T_sync by the histogram", "periods"): lambda track, _: _within(track, track.histogram_periods),
-    ("flash", "ms"): lambda track, _: track.flash_ms,
-    ("median cycle", "s"): _median_cycle,
+    (FLASH, "ms"): lambda track, _: track.flash_ms,
+    (CYCLE, "s"): _median_cycle,
     ("speed straight ahead", "cm/s"): lambda _, robots: robots.identities.speed_cm_s,
     ("flashes of robots that turn or stand", "share"): _slow,
     (f"flashes within {NEAR_WALL_CM:g} cm of a wall", "share"): _near_walls,

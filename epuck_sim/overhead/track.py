@@ -15,7 +15,14 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import synchrony
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
-from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
+from epuck_sim.overhead.calibration import (
+    FilmMetadata,
+    TrackOptions,
+    calibrate,
+    described_geometry,
+    excerpt,
+    parse_metadata,
+)
 from epuck_sim.overhead.camera import Frame, Geometry, ProgressWrapper
 from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.flashes import (
@@ -101,11 +108,11 @@ def track_film(
     options: TrackOptions,
     rings: Path | None,
     progress: ProgressWrapper,
-    floor_cm: tuple[float, float] | None = None,
+    simulated: FilmMetadata = FilmMetadata(),  # noqa: B008 is never changed
 ) -> Track:
     """Track a film, given as a path or an address; if `rings` is given, write a CSV table of all rings in all frames.
 
-    `floor_cm` is the floor's width and height if neither the options nor the film's description have them.
+    What neither the options nor the film's description tell is as in a simulated trial, if its description is given.
 
     Raises:
         FilmError: The film cannot be read, or shows no swarm.
@@ -117,7 +124,7 @@ def track_film(
         doubts = options.contradictions(metadata)
         if film.is_pictures and options.fps is None:
             doubts.append(f"numbered pictures have no times: {film.rate:g} frames per second are assumed; give --fps")
-        options = options.with_defaults(metadata, floor_cm)
+        options = options.with_defaults(metadata).with_defaults(simulated)
         if geometry is None:
             with open_film(name) as studied:
                 geometry = calibrate(name, size_px, excerpt(studied.frames(), options), options)

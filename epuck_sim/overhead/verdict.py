@@ -9,6 +9,7 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead import LEAST_ORDER, synchrony
 from epuck_sim.overhead.flashes import CountedRings, FlashTable
+from epuck_sim.overhead.identities import SURE, link_flashes
 from epuck_sim.overhead.rings import DISC_LIGHT
 
 MOST = 0.75  # share of the robots that counts as most of them
@@ -34,7 +35,11 @@ DIMMER = 0.8  # light of a mirror image, relative to that of its robot, at most
 STRAIGHT_CM = 1.0  # distance aside of a mirror image from the line across the wall through its robot
 COMMON_IMAGES = 0.1  # least share of all flashes that look like mirror images, if this is not chance
 USUAL_PERIODS_S = (0.3, 60.0)  # bounds of periods in which robots are seen to flash; thesis 4.2.1 has 5 s
-ENOUGH_RECURRENCES = 4  # fewest common flashes of the swarm whose intervals give its period
+ENOUGH_RECURRENCES = 3  # fewest intervals of common flashes of the swarm that give its period
+ENOUGH_CYCLES = 20  # fewest cycles of robots that are followed surely, whose longest give the robots' period
+LONGEST_CYCLES = 0.9
+"""Quantile of these cycles that is the period, as flashes that a robot sees only shorten cycles, and wrong links come
+seldom: in 96 trials at 1.6 cm/s that were told a wrong period, this was the right one to 1 %."""
 HIDING = 1.5  # given period, relative to the true one, from which on it may hide synchrony
 OTHER_PERIOD = 0.05  # relative difference between true and given period that is doubtful; clocks differ by less
 ENOUGH_PERIODS = 3.5  # periods in a film below which the estimated period may be wrong
@@ -334,10 +339,10 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
         found.append(
             f"the period is estimated, and robots hardly flash every {period_s:.3g} s; check --fps, or give --period-s"
         )
-    recurrence_s = _recurrence_s(evidence) if evidence.period_is_given else period_s
-    if abs(recurrence_s / period_s - 1) > OTHER_PERIOD:
+    shown_s = _shown_period_s(evidence) if evidence.period_is_given else period_s
+    if abs(shown_s / period_s - 1) > OTHER_PERIOD:
         found.append(
-            f"the swarm flashes every {recurrence_s:.3g} s, not every {period_s:.4g} s: check --period-s and --fps, or "
+            f"robots flash every {shown_s:.3g} s, not every {period_s:.4g} s: check --period-s and --fps, or "
             "give --robots"
         )
     if may_be_half_a_period(evidence):
@@ -348,19 +353,25 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     return found
 
 
-def _recurrence_s(evidence: Evidence) -> float:
-    """Return the time between common flashes of the synchronised swarm; the period if too few are seen.
+def _shown_period_s(evidence: Evidence) -> float:
+    """Return the period that the flashes show, of two the one nearer to the given period, which it is if none is shown.
 
-    If the swarm is never synchronised, and the number of robots is unknown, the period is tried that its flashes show.
+    It is the time between common flashes of the synchronised swarm, or the longest between flashes of a robot that is
+    followed surely. If the swarm is never synchronised, and the number of robots unknown, that of all rings is tried.
     """
     onsets_s, period_s = evidence.flashes.onset_s, evidence.period_s
     if evidence.in_order_s is None and evidence.robots is None:
         shown_s = synchrony.estimate_period_s(evidence.counted.times_s, evidence.counted.counts) or period_s
-        is_hidden = HIDING * shown_s <= period_s and evidence._replace(period_s=shown_s).in_order_s is not None
-        return shown_s if is_hidden else period_s
+        if HIDING * shown_s <= period_s and evidence._replace(period_s=shown_s).in_order_s is not None:
+            return shown_s
     since_s = onsets_s[onsets_s >= (math.inf if evidence.in_order_s is None else evidence.in_order_s)]
-    together_s = since_s[np.diff(since_s, prepend=-math.inf) > period_s / 4]
-    return float(np.median(np.diff(together_s))) if len(together_s) >= ENOUGH_RECURRENCES else period_s
+    together_s = np.diff(since_s[np.diff(since_s, prepend=-math.inf) > period_s / 4])
+    who = link_flashes(evidence.flashes, period_s, evidence.counted.geometry.floor_cm)
+    own = [who.robot == number for number in range(who.robots)]
+    cycles_s = np.concatenate([np.diff(onsets_s[each])[who.certainty[each][1:] >= SURE] for each in own])
+    kinds = ((together_s, 0.5, ENOUGH_RECURRENCES), (cycles_s, LONGEST_CYCLES, ENOUGH_CYCLES))
+    shown = [float(np.quantile(times_s, share)) for times_s, share, enough in kinds if len(times_s) >= enough]
+    return min(shown, key=lambda shown_s: abs(shown_s - period_s), default=period_s)
 
 
 def why_never(evidence: Evidence) -> str:

@@ -68,7 +68,8 @@ class NoiseSection(ConfigModel):
     """Noise of sensors and wheels; 0 switches one kind off, `noise: off` both."""
 
     wheel_speed: Annotated[Number, Field(ge=0, lt=1)] = 0.05
-    """Half-width of the uniform factor around 1 by which each wheel's speed is multiplied in each step (Enki)."""
+    """Half-width of the uniform factor around 1 by which each wheel's speed is multiplied in each control step (Enki);
+    its effect depends on `timing.control_hz` (docs/real_robots.md)."""
     infrared_counts: Annotated[Number, Field(ge=0, le=10_000)] = 10.0
     """Standard deviation of the noise on each infrared reading (Enki)."""
 

@@ -128,16 +128,23 @@ def test_a_film_is_shown_beside_trials_and_fitted(film, here) -> None:
     printed = call(*words).stdout
     too_few = "3 trials are too few to tell whether the film is like them; give --trials 19 or more.\n\n"
     assert printed.startswith(too_few)
-    assert all(said in printed for said in ("speed straight ahead", "A film does not show coupling"))
+    assert all(said in printed for said in ("speed straight ahead", "A film does not show coupling", "wheels' noise"))
     assert "commands" not in called("run", "lab.yaml", "--set", "stop.max_cycles=2", "--json")
 
 
-def test_a_film_without_a_description_has_the_floor_of_the_scenario(film, here) -> None:
+def test_a_film_without_a_description_has_floor_period_and_robots_of_the_scenario(film, here) -> None:
     save(here / "bare.mp4", frames_and_description(film)[0])
     wide = ["robots=[{count: 2, parameters: {speed_cm_s: 1.5, period_s: 2}}, {count: 2}]", "arena.width_cm=90"]
     words = ["--period-s", 2, "--trials", 1, *set_to(*wide)]
     bare = call("compare-film", "bare.mp4", "thesis", *words)
     assert (bare.exit_code, "warning: the film's floor" in bare.stderr) == (0, False), bare.stderr
+    other = [*set_to(*SETTINGS), "--set", "robots.0.parameters.period_s=10", "--trials", 1]
+    slow = call("compare-film", "bare.mp4", "thesis", *other)
+    assert "flashes per period, but there are 4 robots: check --robots, --period-s, --fps" in slow.stderr
+    assert "1 unknown" in slow.stdout
+    fast = json.loads(call("compare-film", "bare.mp4", "thesis", *words, "--fps", 30, "--json").stdout)
+    speeds = [each["film"] for each in fast["quantities"] if each["unit"] == "cm/s"]
+    assert speeds == [pytest.approx(3, rel=0.06)]
     described = call("compare-film", film, "thesis", *words, "--set", "robots.1.count=1")
     assert described.exit_code == 0, described.stderr
     assert "warning: the film shows 4 robots, thesis has 3" in described.stderr

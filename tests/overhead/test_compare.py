@@ -62,16 +62,32 @@ def test_few_films_like_the_trials_are_called_unlike() -> None:
 
 def test_a_verdict_names_what_is_far_off_and_judges_nothing_that_is_not_known() -> None:
     trials = 5 + np.random.default_rng(1).standard_normal((40, 3))
-    for off, way in ((-6.0, "lower"), (6.0, "higher")):
+    for off, way in ((-6.0, "shorter"), (6.0, "longer")):
         verdict = judge(rows_of([5.0, 5.0, 5.0 + off], trials))
         assert verdict.p_value == pytest.approx(1 / 41)
-        assert verdict.sentence == f"the film is unlike the simulated trials (p = 0.024): flash is {way} than theirs"
+        unlike = "the film is unlike the simulated trials (p = 0.024): "
+        assert verdict.sentence == f"{unlike}flash duration {way} than theirs"
+    trials = 5 + np.random.default_rng(1).standard_normal((40, 5))
+    assert judge(rows_of([5.0, 5.0, 1.0, -3.0, 15.0], trials)).sentence == (
+        f"{unlike}speed straight ahead higher, median cycle shorter, flash duration shorter than theirs; if flash and "
+        "cycle are so by the same factor, check the film's clock (--fps)"
+    )
     trials = 5 + np.random.default_rng(2).standard_normal((40, 2))
     assert "like the simulated trials" in judge(rows_of([5.0, math.nan], trials)).sentence
     trials[:30, 1] = math.nan
     assert judge(rows_of([5.0, 99.0], trials)).p_value > compare.UNLIKE
     verdict = judge(rows_of([math.nan, math.nan], trials))
     assert (math.isnan(verdict.p_value), "nothing can be said" in verdict.sentence) == (True, True)
+
+
+def test_a_trial_that_alone_differs_from_others_that_are_the_same_hides_no_film_that_is_far_off() -> None:
+    trials = np.full((40, 3), math.inf)
+    trials[3, 0], trials[5, 1] = 8.0, 9.0
+    trials[:, 2] = np.random.default_rng(0).normal(401, 2, 40)
+    for film, off in (([math.inf, math.inf, 384.0], "flash duration"), ([7.0, math.inf, 401.0], "T_sync")):
+        verdict = judge([row._replace(end=20.0) for row in rows_of(film, trials)])
+        assert verdict.p_value <= 2 / 41
+        assert f"{off} shorter than" in verdict.sentence
 
 
 def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> None:
@@ -82,7 +98,7 @@ def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> N
     enough = judge(rows_of([99.0], trials[:19]))
     assert (enough.p_value, enough.sentence[:18]) == (0.05, "the film is unlike")
     trials = np.append(np.full(37, 5.0), (4.0, 6.2))[:, None]  # one of 39 is farther off than the film
-    assert judge(rows_of([6.1], trials)).sentence.endswith("(p = 0.05): T_sync is higher than theirs")
+    assert judge(rows_of([6.1], trials)).sentence.endswith("(p = 0.05): T_sync longer than theirs")
     never = [
         row._replace(end=148.0) for row in rows_of([math.inf], 8 + np.random.default_rng(3).standard_normal((40, 1)))
     ]
@@ -114,6 +130,14 @@ def test_a_trial_is_tracked_as_if_it_were_filmed_and_told_the_number_of_robots_i
         track, _ = track_trial(SCENARIO, 5, film)
         assert track.options == film.options._replace(robots=expected)
         assert track.confidence != "none"
+
+
+@pytest.mark.parametrize(("period_s", "doubted"), [(2.0, False), (1.8, True), (2.4, True)])
+def test_a_wrong_period_or_clock_is_doubted_of_a_swarm_that_is_never_in_step(period_s: float, doubted: bool) -> None:
+    film = FILM._replace(options=FILM.options._replace(period_s=period_s, robots=4))
+    track, _ = track_trial(load_scenario(SCENARIO, ["robots.0.parameters.coupling=0"]), 5, film)
+    assert track.t_sync_s is None
+    assert any(f"robots flash every 2 s, not every {period_s:g} s" in each for each in track.warnings) == doubted
 
 
 def test_a_film_of_the_scenario_itself_is_like_its_trials() -> None:

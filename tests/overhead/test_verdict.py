@@ -365,8 +365,8 @@ SHOWN = evidence(robots=None, period_is_given=False)
     (evidence(NEARLY), "frames come every 33.3 ms, too seldom"),
     (evidence(np.delete(ONSETS, [14, 17, 22]), robots=None), "3 to 4 flashes are seen in a period of the synchronised"),
     *((SHOWN._replace(period_s=each), f"hardly flash every {each:g} s; check --fps") for each in (0.02, 100.0)),
-    *((evidence(period_s=each), "swarm flashes every 1 s, not every") for each in (0.8, 1.1)),
-    (evidence(robots=None, period_s=2.0), "flashes every 1 s, not every 2 s: check --period-s and --fps, or give"),
+    *((evidence(period_s=each), "robots flash every 1 s, not every") for each in (0.8, 1.1)),
+    (evidence(robots=None, period_s=2.0), "flash every 1 s, not every 2 s: check --period-s and --fps, or give"),
     (SHOWN._replace(period_s=2.5), "is estimated from only 3.2 periods of film; better give --period-s"),
 ])  # fmt: skip
 def test_what_is_doubtful_is_said(given: Evidence, doubt: str) -> None:
