@@ -248,12 +248,7 @@ class Simulation:
         return self._shown.step(number, number * self._step_ms / 1000)
 
     def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
-        """Return the block before anything is drawn, and the functions that control steps call, by index: for pages.
-
-        Pages run the controllers of all groups: raise ScenarioError if one has no robots.
-        """
-        if not all(group.count for group in self.scenario.robots):
-            raise ScenarioError(f"{self.scenario.name}: robots.count: is 0; pages have robots in all groups")
+        """Return the block before anything is drawn, and the functions that control steps call, by index: for pages."""
         block = self._block.copy()
         self._clear(block)
         return block, self._loop.functions

@@ -53,6 +53,7 @@ def check_robots(scenario: EmbodiedScenario) -> None:
     refuse(
         scenario,
         (scenario.robot_count > MOST_ROBOTS, "robots", f"are {scenario.robot_count}; a page shows up to {MOST_ROBOTS}"),
+        (not all(group.count for group in scenario.robots), "robots.count", "is 0; pages have robots in all groups"),
         (unfit, "robots.controller", commanded),
         (scenario.arena.movables, "arena.movables", "pages have nothing that can be pushed"),
         (scenario.members_change, "robots.present", "all robots of a page are present all the time"),

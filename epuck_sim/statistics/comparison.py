@@ -495,4 +495,5 @@ def _over_all(each: Comparison, headings: Mapping[str, str]) -> str:
         return ""  # its row says all
     mean = "geometric mean" if each.tested == "ratio" else "mean"
     found = f"{headings[each.tested]} = {getattr(each, each.tested)}, the {mean} of {counted(each.averaged, 'point')}; "
-    return f"Over all: {found * bool(each.averaged)}p = {cell_text(each.p_value)}".replace("= <=", "<=")
+    equals = "" if isinstance(each.p_value, AtMost) else "= "
+    return f"Over all: {found * bool(each.averaged)}p {equals}{cell_text(each.p_value)}"

@@ -176,7 +176,8 @@ def run_robots(
         if watch.cycles > cycles:
             for observer in measuring.at_cycles:
                 observer(step, watch)
-    outcome, is_known = watch.outcome, watch.is_synchronised or measuring.gives_t_sync
+    outcome = watch.outcome
+    is_known = watch.is_synchronised or (simulation.scenario.stop.gives_t_sync and measuring.is_over())
     return TrialResult(
         scenario=simulation.scenario.name,
         seed=simulation.seed,

@@ -51,7 +51,6 @@ class Measuring:
         self.at_cycles: list[Observer] = []  # update the measures that need every firing of the reference
         self._values: dict[str, Callable[[], Value]] = {}
         self._watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
-        self._gives_t_sync = scenario.stop.gives_t_sync
         self._entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
         for section in scenario.measures:
             self._begin(section.find(), section.parameters, simulation)
@@ -81,11 +80,6 @@ class Measuring:
     def is_over(self) -> bool:
         """Return whether the condition that ends the trial has held, if there is one."""
         return STOP in self._watches and self._watches[STOP].has_held
-
-    @property
-    def gives_t_sync(self) -> bool:
-        """Whether the number of cycles until then is the trial's T_sync."""
-        return self._gives_t_sync and self.is_over()
 
     @property
     def next_cycle(self) -> int:

@@ -72,7 +72,7 @@ def run_agents(
         simulation.run_to(end_s)
     # where the reference was held back until the end, no firing ended the trial
     has_order = is_early or is_timed
-    is_known = simulation.is_synchronised or measuring.gives_t_sync
+    is_known = simulation.is_synchronised or (stop.gives_t_sync and measuring.is_over())
     return TrialResult(
         scenario=simulation.scenario.name,
         seed=simulation.seed,
