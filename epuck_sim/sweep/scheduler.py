@@ -11,13 +11,21 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from heapq import heappop, heappush
 from itertools import islice
 from multiprocessing import forkserver, resource_tracker
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.store import Outcome
@@ -47,6 +55,24 @@ class Pool(NamedTuple):
 
 OpenPool = Callable[[], AbstractContextManager[Pool]]
 
+Result = TypeVar("Result")
+
+
+class _Workers(ProcessPoolExecutor):
+    """Processes that Ctrl-C never finds half started."""
+
+    def submit(self, *call: Any, **options: Any) -> Future[Any]:
+        return _uninterrupted(partial(super().submit, *call, **options))
+
+
+def _uninterrupted(start: Callable[[], Result]) -> Result:
+    """Return what `start` returns, in a thread of its own, as Ctrl-C interrupts the main thread alone.
+
+    A process whose start is interrupted would run on, known to nobody, and print how it fails as what it needs goes.
+    """
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(start).result()
+
 
 @contextmanager
 def local_pool(workers: int | None = None) -> Iterator[Pool]:
@@ -68,7 +94,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
             context = _context()
             # Ctrl-C while the server still loads would close what workers are about to open: wait until it has forked
             probe = context.Process(target=str)  # which ends at once
-            probe.start()
+            _uninterrupted(probe.start)
         except OSError as error:  # a socket's name is short
             needs = "the current folder and TMPDIR must be there, and TMPDIR's path be short"
             raise EpuckSimError(f"workers cannot start: {error.strerror or error}; {needs}") from error
@@ -76,7 +102,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         if probe.exitcode == 1:  # it imported the script again, which began the sweep, and has said what was wrong
             main = 'below `if __name__ == "__main__":`'
             raise EpuckSimError(f"workers cannot start; a script must be a file, and begin sweeps {main}")
-        executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
+        executor = _Workers(workers, mp_context=context, initializer=_end_with_parent)
         try:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
         except BaseException:
@@ -133,8 +159,6 @@ def _environment(settings: dict[str, str]) -> Iterator[None]:
             else:
                 os.environ[name] = value
 
-
-Result = TypeVar("Result")
 
 CHUNK_S = 0.5
 """Work in a chunk, in seconds: long compared with the milliseconds of handing it over, short compared with a run."""

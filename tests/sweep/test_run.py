@@ -145,6 +145,35 @@ def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
         wait_until(lambda mark=mark: not processes_marked(mark))
 
 
+CTRL_C_AS_A_WORKER_STARTS = """
+import _thread, os, time
+from multiprocessing import forkserver
+from epuck_sim.sweep.scheduler import local_pool
+
+read_process_id = forkserver.read_signed
+
+def interrupted(pipe):
+    _thread.interrupt_main()
+    time.sleep(0.1)  # the main thread reacts before the worker has read what it needs
+    return read_process_id(pipe)
+
+if __name__ == "__main__":
+    try:
+        with local_pool(1) as pool:
+            forkserver.read_signed = interrupted
+            pool.executor.submit(os.getpid).result()
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+def test_ctrl_c_never_leaves_a_worker_half_started(tmp_path) -> None:
+    (tmp_path / "script.py").write_text(CTRL_C_AS_A_WORKER_STARTS)
+    run = start([sys.executable, "script.py"], tmp_path.name, cwd=tmp_path)
+    assert run.communicate(timeout=300) == ("interrupted\n", "")
+    wait_until(lambda: not processes_marked(tmp_path.name))
+
+
 @pytest.mark.parametrize("name", [["script.py"], []], ids=["file", "stdin"])
 def test_a_script_that_begins_a_sweep_wherever_it_is_imported_or_is_no_file_is_told_so(tmp_path, name) -> None:
     short_sweep(tmp_path, 1)
