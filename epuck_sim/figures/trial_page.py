@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from epuck_sim.arrays import Float32Array, FloatArray
+from epuck_sim.arrays import FloatArray
 from epuck_sim.display.table import leaves
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.labels import format_axis_values, group_labels, short_files
@@ -23,7 +23,6 @@ from epuck_sim.recording.reader import Recorded
 from epuck_sim.recording.rows import Population, population_of
 from epuck_sim.recording.series import phase_lead
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.util.builtin import ARENAS, builtin_files
 
@@ -131,20 +130,14 @@ def _robots(
 ) -> Iterator[tuple[int, FloatArray, FloatArray, str]]:
     """Yield for each robot or agent its number, path, (points, 3) s, cm, cm: time, x, y, colour and its ring's colour.
 
-    Paths are NaN where they have gaps. Paths of robots go straight from row to row, and so do those of agents in a
-    cube, as only the horizontal part of their headings is known.
+    Paths go straight from row to row, and are NaN where they have gaps.
     """
-    scenario, time_s = recorded.scenario, recorded.time_s[rows]
+    time_s = recorded.time_s[rows]
+    far_cm = population.arena.width_cm / 2 if population.is_cyclic else math.inf
     for number, colour in enumerate(robot_colours(population)):
-        positions, headings = recorded.positions[rows, number], recorded.headings[rows, number]
-        if isinstance(scenario, ParticleScenario) and not population.is_cube:
-            side_cm = scenario.space.side_cm
-            path = agent_path(time_s, positions, headings, side_cm, is_cyclic=population.is_cyclic)
-        else:
-            path = np.column_stack([time_s, positions])
-            far_cm = population.arena.width_cm / 2 if population.is_cyclic else math.inf
-            jumps = 1 + np.flatnonzero((np.abs(np.diff(positions, axis=0)) > far_cm).any(axis=1))
-            path = np.insert(path, jumps, np.nan, axis=0)
+        positions = recorded.positions[rows, number]
+        jumps = 1 + np.flatnonzero((np.abs(np.diff(positions, axis=0)) > far_cm).any(axis=1))
+        path = np.insert(np.column_stack([time_s, positions]), jumps, np.nan, axis=0)
         yield number, path, colour, RED if recorded.ring_on[rows, number][-1] else DARK
 
 
@@ -226,71 +219,3 @@ def describe_changes(scenario: Scenario) -> str:
     shown = [shorten(text, len(text.partition(" = ")[0]) + MAX_VALUE, placeholder=" …") for text in texts[:MAX_CHANGES]]
     rest = [f"and {len(texts) - len(shown)} more"] * (len(texts) > len(shown))
     return f"with {', '.join([*shown, *rest])}" if texts else ""
-
-
-TOLERANCE = 1e-4
-"""Largest deviation from a straight path, as a share of the side; positions are recorded in single precision."""
-
-REGULAR_SHARE = 0.5
-"""Shortest time between two rows from which a speed is measured, as a share of the longest time between two rows."""
-
-
-def agent_path(
-    time_s: FloatArray, positions: Float32Array, headings: FloatArray, side_cm: float, *, is_cyclic: bool
-) -> FloatArray:
-    """Return the path of an agent in a segment or square, (points, 3) s, cm, cm: time, x, y; NaN where it has a gap.
-
-    An agent that meets two walls between two rows is drawn to the first of them; then its path has a gap. Times are
-    (rows,), positions (rows, 2), with y = 0 in a segment, and headings (rows,) rad.
-    """
-    points = np.column_stack([time_s, positions])
-    directions = np.column_stack([np.cos(headings), np.sin(headings)])
-    directions[np.abs(directions) < TOLERANCE**2] = 0.0  # one along an axis is exactly so
-    speed = _measure_speed(time_s, positions, side_cm if is_cyclic else math.inf)
-    straight = points[:-1, 1:] + speed * np.diff(time_s)[:, None] * directions[:-1]
-    deviation_cm = np.abs(straight - points[1:, 1:]).max(axis=1)
-    path: list[FloatArray] = []
-    last = 0
-    for row in np.flatnonzero(deviation_cm > TOLERANCE * side_cm).tolist():
-        detour = _detour(points[row], points[row + 1], directions[row], speed, side_cm, is_cyclic=is_cyclic)
-        path += [points[last : row + 1], detour]
-        last = row + 1
-    return np.concatenate([*path, points[last:]])
-
-
-def _measure_speed(time_s: FloatArray, positions: Float32Array, cycle_cm: float) -> float:
-    """Return an agent's speed in cm/s: the highest between two rows, because detours by a wall seem slower.
-
-    Ways that are longer than half of `cycle_cm` are shorter across the edge.
-    """
-    elapsed_s = np.diff(time_s)
-    if not len(elapsed_s):
-        return 0.0
-    is_long = elapsed_s >= REGULAR_SHARE * elapsed_s.max()
-    ways = np.abs(np.diff(positions, axis=0))
-    ways_cm = np.hypot(*np.minimum(ways, np.abs(cycle_cm - ways)).T)
-    return float((ways_cm[is_long] / elapsed_s[is_long]).max())
-
-
-def _detour(
-    start: FloatArray, end: FloatArray, direction: FloatArray, speed: float, side_cm: float, *, is_cyclic: bool
-) -> FloatArray:
-    """Return the (points, 3) path between two points, (3,) s, cm, cm, which no straight line joins."""
-    gap = np.full(3, np.nan)
-    wall = _meet_wall(start, direction, speed, side_cm)
-    if wall[0] > end[0]:  # it has turned, or become slower, before it could meet a wall; or has met another
-        is_far = is_cyclic and np.abs(end[1:] - start[1:]).max() > side_cm / 2
-        return gap[None][: int(is_far)]
-    if is_cyclic:  # the heading stays the same
-        return np.array([wall, gap, _meet_wall(end, -direction, -speed, side_cm)])
-    rest_cm = math.hypot(*(end[1:] - wall[1:]))
-    is_one_wall = abs(rest_cm - speed * (end[0] - wall[0])) <= TOLERANCE * side_cm
-    return wall[None] if is_one_wall else np.array([wall, gap])
-
-
-def _meet_wall(origin: FloatArray, direction: FloatArray, speed: float, side_cm: float) -> FloatArray:
-    """Return (3,) s, cm, cm: when and where an agent meets the next wall; a negative speed looks back in time."""
-    moves = direction != 0
-    room = np.where(direction > 0, side_cm - origin[1:], origin[1:])[moves]
-    way_cm = max(0.0, float((room / np.abs(direction[moves])).min()))
-    return np.array([origin[0] + way_cm / speed, *(origin[1:] + way_cm * direction)])
