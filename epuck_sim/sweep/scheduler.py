@@ -66,7 +66,7 @@ class _Workers(ProcessPoolExecutor):
 
 
 def _uninterrupted(start: Callable[[], Result]) -> Result:
-    """Return what `start` returns, in a thread of its own, as Ctrl-C interrupts the main thread alone.
+    """Call `start` in a thread of its own, as Ctrl-C interrupts the main thread alone; return the result.
 
     A process whose start is interrupted would run on, known to nobody, and print how it fails as what it needs goes.
     """
