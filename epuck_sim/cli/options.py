@@ -165,6 +165,10 @@ OfOption = Annotated[
         callback=lambda of: None if of == "T_sync" else of,
     ),
 ]
+WhereOption = Annotated[
+    list[str] | None,
+    option("--where KEY=V,V", "Take only points at which an axis has one of these values: count=5,10; repeatable."),
+]
 TrustOption = Annotated[bool, sweeps_option("--trust", "Run the code in another user's run folder, as you.")]
 JsonOption = Annotated[bool, output_option("--json", "Print JSON.")]
 CsvOption = Annotated[bool, output_option("--csv", "Print the table as CSV.")]

@@ -44,6 +44,7 @@ def export_results(
 def summarize(
     folder: options.FolderArgument,
     of: options.OfOption = None,
+    where: options.WhereOption = None,
     as_json: options.JsonOption = False,
     as_csv: options.CsvOption = False,
 ) -> None:
@@ -57,7 +58,7 @@ def summarize(
     from epuck_sim.statistics.statistic import summarize as statistics
 
     reject_first(options.both(as_json, as_csv))
-    points = read_points(folder, of)
+    points = read_points(folder, of, where)
     if any(map(has_series, points)):
         series = summarize_series(points)
         table, found = series_table(f"{folder}: {of}", series), [each.record() for each in series]
@@ -73,6 +74,7 @@ def fit(
     statistic: Annotated[Statistic, option("mean|median|weibull-mean", _STATISTIC_HELP)] = Statistic.MEAN,
     of: options.OfOption = None,
     x: Annotated[str | None, option("--x KEY", "Axis of --of; by default the speed.")] = None,
+    where: options.WhereOption = None,
     as_json: options.JsonOption = False,
     as_csv: options.CsvOption = False,
 ) -> None:
@@ -81,17 +83,19 @@ def fit(
     For a measure, print its minimum and its peak along an axis.
     """
     from epuck_sim.cli.tables import show
+    from epuck_sim.runs.reader import read_points
     from epuck_sim.statistics.fit import fit_curves, fit_laws, fit_measure, fit_tables, measure_fit_table
 
     reject_first(
         options.both(as_json, as_csv),
         (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
     )
+    read = [read_points(folder, of, where) for folder in folders]
     if of is not None:
-        fits = [fit for folder in folders for fit in fit_measure(folder, of, x, statistic)]
+        fits = [fit for points in read for fit in fit_measure(points, x, statistic)]
         show([measure_fit_table(fits)], [fit.record() for fit in fits], as_json=as_json, as_csv=as_csv)
         return
-    curves = [curve for folder in folders for curve in fit_curves(folder, statistic)]
+    curves = [curve for points in read for curve in fit_curves(points, statistic)]
     laws = fit_laws(curves)
     found = {"curves": [curve.record() for curve in curves], "laws": laws}
     show(fit_tables(curves, laws), found, as_json=as_json, as_csv=as_csv)
@@ -109,6 +113,7 @@ def compare(
     ] = None,
     with_first: Annotated[bool, option("--with-first", "Compare each with the first, instead of all pairs.")] = False,
     of: options.OfOption = None,
+    where: options.WhereOption = None,
     as_json: options.JsonOption = False,
     as_csv: options.CsvOption = False,
 ) -> None:
@@ -123,6 +128,7 @@ def compare(
     reject_first(
         options.both(as_json, as_csv),
         (bool(axis and points), "--axis is for one folder, --points for several: give one of them"),
+        (bool(points and where), "--points names what is compared; leave --where out"),
         (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
         ((len(folders) == 1) == (not axis), "give two or more run folders, or one and --axis KEY=A,B"),
         *(
@@ -130,7 +136,7 @@ def compare(
             for name, place in zip(names, places, strict=True)
         ),
     )
-    read = [read_points(folder, of) for folder in folders]
+    read = [read_points(folder, of, where) for folder in folders]
     if axis:
         typed, values = parse_axis(axis[0], "--axis")
         key = axis_key(typed, [point.axes for point in read[0]], f"--axis {axis[0]}")
@@ -151,6 +157,7 @@ def compare(
 def plot(
     results: Annotated[list[Path], argument("FOLDER", "Run folders of one scenario, or FILE.rrd, a recording.")],
     of: options.OfOption = None,
+    where: options.WhereOption = None,
     form: Annotated[
         Form | None, option("FORM", f"One of {', '.join(Form)}; by default as the scenario says, or curves.")
     ] = None,
@@ -218,20 +225,25 @@ def plot(
     }
     named = [name.strip() for name in names.split(",")] if names else []
     if len(results) > 1 or results[0].is_dir():
-        files = _plot_sweeps(results, of, named, wanted, target)
+        files = _plot_sweeps(results, of, where, named, wanted, target)
     else:
-        files = _plot_trial(results[0], {**wanted, "of": of, "names": names}, target)
+        files = _plot_trial(results[0], {**wanted, "of": of, "where": where, "names": names}, target)
     for file in files:
         typer.echo(file)
 
 
 def _plot_sweeps(
-    folders: list[Path], of: str | None, names: list[str], wanted: dict[str, Any], target: "Target | None"
+    folders: list[Path],
+    of: str | None,
+    where: list[str] | None,
+    names: list[str],
+    wanted: dict[str, Any],
+    target: "Target | None",
 ) -> list[Path]:
     from epuck_sim.figures.saving import Target, save_figure
     from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
 
-    form = read_form(folders, wanted, of, names, "--")
+    form = read_form(folders, wanted, of, names, "--", where)
     stem = form.name if form.name in SIMULATED_AGAIN else f"{of or 'T_sync'}{f'-{form.name}' * bool(wanted['form'])}"
     others = "".join(f"-with-{folder.resolve().name}" for folder in folders[1:])
     target = target or Target(folders[0] / f"{stem}{others}")

@@ -40,6 +40,7 @@ def plot(
     results: Results,
     *,
     of: str | None = None,
+    where: Sequence[str] | None = None,
     names: Sequence[str] = (),
     ax: Axes | Sequence[Axes] | None = None,
     **options: object,
@@ -49,6 +50,7 @@ def plot(
     Args:
         results: A run folder, or what `read_points` returns of one, or several folders of one scenario.
         of: Name of a measure of the folders' trials; T_sync by default.
+        where: Axes with the values that points must have, such as `count=5,10`; all points by default.
         names: Name of each of several folders in the figure; their own by default.
         ax: Axes to draw into, one for each panel. They get no legend, but all marks have labels, which `ax.legend()`
             shows, and titles only where there are several panels. By default there is a new figure with a legend.
@@ -61,7 +63,7 @@ def plot(
     Raises:
         EpuckSimError: There is nothing to draw, or an option does not fit the form or the sweep.
     """
-    form = read_form(results, options, of, names)
+    form = read_form(results, options, of, names, where=where)
     if ax is None:
         return form.draw_figure()
     given = [ax] if isinstance(ax, Axes) else list(ax)
@@ -77,6 +79,7 @@ def read_form(
     of: str | None = None,
     names: Sequence[str] = (),
     prefix: str = "",
+    where: Sequence[str] | None = None,
 ) -> Form:
     """Return the form that `plot` draws; options that are None are those of the scenario.
 
@@ -90,9 +93,9 @@ def read_form(
     if len(given_results) not in (len(folders), len(points)):
         kinds = comma_list([*dict.fromkeys(type(each).__name__ for each in given_results)])
         raise EpuckSimError(f"results are a list of {kinds}; allowed: run folders, or points of one folder")
-    if points and (names or of not in (None, points[0].of)):
-        raise EpuckSimError("names and of are for run folders; for points, give read_points(folder, of=NAME)")
-    points = points or _read_folders(folders, of, names)
+    if points and (names or where or of not in (None, points[0].of)):
+        raise EpuckSimError("names, where and of are for run folders; for points, give read_points(folder, of=NAME)")
+    points = points or _read_folders(folders, of, where, names)
     folder = str(folders[0]) if folders else "the scenario"
     given = _with_full_keys({name: value for name, value in options.items() if value is not None}, points, prefix)
     scenario = points[0].scenario
@@ -100,8 +103,8 @@ def read_form(
     section = validate(wanted, folder).figure
     name = section.form if "form" in given else _usual_form(points)
     _check_fit(points, name, given)
-    where = f"{prefix}label" if "labels" in given else f"{folder}: figure.labels"
-    check_labels(section.labels, points[0].axes, (measure.name for measure in scenario.measures), where)
+    origin = f"{prefix}label" if "labels" in given else f"{folder}: figure.labels"
+    check_labels(section.labels, points[0].axes, (measure.name for measure in scenario.measures), origin)
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
     place = "theory:PredictedCurves" if name == "curves" and section.theory else FORMS[name][0]
@@ -110,7 +113,8 @@ def read_form(
     form = found.read(points, Choices(section, given.keys(), folder, prefix))
     section = section.model_copy(update={"labels": {**group_labels(scenario), **section.labels}})
     form.of, form.unit, form.settings = points[0].of, measure_unit(points[0]) or "", section
-    form.ran, form.ties = _describe(points, folders), [*_tell_ties(points, section.labels)]
+    limits = [f"only points with {' and '.join(where)}"] if where else []
+    form.ran, form.ties = _describe(points, folders), [*limits, *_tell_ties(points, section.labels)]
     return form
 
 
@@ -124,9 +128,11 @@ def _with_full_keys(given: Mapping[str, Any], points: Sequence[PointTrials], pre
     return {**given, **full}
 
 
-def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence[str]) -> list[PointTrials]:
+def _read_folders(
+    folders: Sequence[Path | str], of: str | None, where: Sequence[str] | None, names: Sequence[str]
+) -> list[PointTrials]:
     """Return the points of run folders; if there are several, the folder's name is an axis."""
-    sweeps = [read_points(folder, of) for folder in folders]
+    sweeps = [read_points(folder, of, where) for folder in folders]
     if len(folders) == 1 and not names:
         return sweeps[0]
     own = [Path(folder).resolve().name for folder in folders]

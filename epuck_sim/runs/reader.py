@@ -21,7 +21,10 @@ from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
 from epuck_sim.runs.folder import DATABASE, current_holder, database_of
 from epuck_sim.runs.share import WHOLE, read_share
 from epuck_sim.runs.sources import DIGESTS, read_digests
+from epuck_sim.scenario.axes import canonical_text, texts_of_values
+from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.changes import TrialEvent
+from epuck_sim.scenario.keys import axis_key, parse_axis
 from epuck_sim.scenario.loader import RUN_SCENARIO, validate
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.util.messages import comma_list, counted, did_you_mean
@@ -68,7 +71,7 @@ class SweepTrials(list[PointTrials]):
         return self[0].of if self else None
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return a DataFrame of pandas with a row for each trial in the folder, and the columns that `export` writes.
+        """Return a DataFrame of pandas with a row for each trial of the points, and the columns that `export` writes.
 
         Raises:
             EpuckSimError: pandas is not installed.
@@ -80,7 +83,7 @@ class SweepTrials(list[PointTrials]):
         from epuck_sim.runs.export import read_table  # noqa: PLC0415 takes pyarrow
 
         frame: pandas.DataFrame = read_table(self.folder).to_pandas()
-        return frame
+        return frame[frame["point"].isin([point.number for point in self])].reset_index(drop=True)
 
     def _repr_html_(self) -> str:
         """Return a table of the points, for notebooks; `summarize` gives statistics."""
@@ -95,14 +98,16 @@ class SweepTrials(list[PointTrials]):
         return Table("", rows)._repr_html_()
 
 
-def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
+def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] | None = None) -> SweepTrials:
     """Return the results of each point, in the sweep's order.
 
     Args:
         folder: A run folder.
         of: Name of a measure whose values are read, too; or `t_sync_s`, T_sync in seconds.
+        where: Axes with the values that points must have, such as `count=5,10`; all points by default.
 
     Raises:
+        EpuckSimError: No point has such a value.
         StoreError: The folder is not a run folder, its database is damaged, or there is no such measure in it.
     """
     with reading(folder) as connection:
@@ -110,10 +115,14 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
         if of is not None and of not in measured:
             raise StoreError(f"{folder}: {did_you_mean(of, measured)}; measured: {comma_list(measured)}")
         any_events = connection.execute("SELECT 1 FROM trials WHERE events IS NOT NULL LIMIT 1").fetchone()
-        found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
+        found = connection.execute("SELECT axes, key, number, scenario FROM points ORDER BY number").fetchall()
+        stored = [(json.loads(axes), *others) for axes, *others in found]
+        for text in where or ():
+            with refused_at(str(folder)):
+                stored = _having(stored, text)
         results = SweepTrials()
         results.folder = Path(folder)
-        for key, number, axes, scenario in found:
+        for axes, key, number, scenario in stored:
             try:
                 read = validate(json.loads(scenario), f"point {number}")
             except ScenarioError as error:
@@ -129,7 +138,7 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
                 PointTrials(
                     number=number,
                     key=key,
-                    axes=json.loads(axes),
+                    axes=axes,
                     scenario=read,
                     times=np.where(cycles == NULL, np.nan, cycles),
                     observed=censored == 0,
@@ -141,6 +150,15 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
                 )
             )
     return results
+
+
+def _having(stored: list[Any], where: str) -> list[Any]:
+    """Return the points, each with its axes first, that have one of the values in a text such as `count=5,10`."""
+    typed, values = parse_axis(where, "--where")
+    rows = [axes for axes, *_ in stored]
+    key = axis_key(typed, rows, f"--where {where}")
+    texts = texts_of_values(rows, key, values, "--where")
+    return [each for each, row in zip(stored, rows, strict=True) if canonical_text({key: row[key]}) in texts]
 
 
 def read_ends(

@@ -18,6 +18,7 @@ from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
 LOG_RATIO = 10.0  # least ratio of the largest to the smallest value of an axis with a logarithmic scale
+MOST_NAMED = 20  # most values of an axis that a message names
 
 Rows = Sequence[Mapping[str, Any]]  # axis values of each point of a sweep, by dotted key
 
@@ -145,6 +146,25 @@ def group_rows(rows: Rows, *axes: str) -> list[tuple[dict[str, Any], list[int]]]
     for place, row in enumerate(rows):
         groups.setdefault(canonical_text({key: row[key] for key in others}), []).append(place)
     return [({key: rows[places[0]][key] for key in others}, places) for places in groups.values()]
+
+
+def texts_of_values(rows: Rows, key: str, values: Sequence[Any], origin: str) -> list[str]:
+    """Return values of an axis as `canonical_text`; raise EpuckSimError for another key, or a value that no point has.
+
+    In messages the values are called `origin`.
+    """
+    if key not in rows[0]:
+        raise EpuckSimError(f"{origin}: {did_you_mean(key, rows[0])}; axes: {comma_list(rows[0])}")
+    if not values:
+        raise EpuckSimError(f"{origin}: {key} is given no value")
+    texts = [canonical_text({key: value}) for value in values]
+    known = {canonical_text({key: row[key]}): row[key] for row in rows}
+    for value, text in zip(values, texts, strict=True):
+        if text not in known:
+            values_known = comma_list([*map(short_repr, known.values())][:MOST_NAMED])
+            values_known += f" and {len(known) - MOST_NAMED} more" * (len(known) > MOST_NAMED)
+            raise EpuckSimError(f"{origin}: {key} is never {short_repr(value)}; its values: {values_known}")
+    return texts
 
 
 def numeric_axes(rows: Rows) -> dict[str, set[Any]]:

@@ -22,7 +22,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import canonical_text, group_rows
+from epuck_sim.scenario.axes import canonical_text, group_rows, texts_of_values
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import (
     MeanError,
@@ -37,9 +37,8 @@ from epuck_sim.statistics.statistic import (
     share_difference,
     student_estimate,
 )
-from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, counted
 
-MOST_NAMED = 20  # most values of an axis that a message names
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
 _BLOCK_SIZE = 2_000_000  # trials that are permuted at once
 
@@ -296,21 +295,14 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
 
     The axis, and axes that are tied one-to-one to it, are not among the axes of a match.
     """
-    if key not in points[0].axes:
-        raise EpuckSimError(f"--axis: {did_you_mean(key, points[0].axes)}; axes: {comma_list(points[0].axes)}")
-    texts = [canonical_text({key: value}) for value in values]
+    rows = [point.axes for point in points]
+    texts = texts_of_values(rows, key, values, "--axis")
     if len(set(texts)) < max(2, len(texts)):
         raise EpuckSimError(
             f"--axis: {key} is given {counted(len(set(texts)), 'value')}; allowed: two or more, all different"
         )
-    known = {canonical_text({key: point.axes[key]}): point.axes[key] for point in points}
-    for value, text in zip(values, texts, strict=True):
-        if text not in known:
-            values_known = comma_list([*map(short_repr, known.values())][:MOST_NAMED])
-            values_known += f" and {len(known) - MOST_NAMED} more" * (len(known) > MOST_NAMED)
-            raise EpuckSimError(f"--axis: {key} is never {short_repr(value)}; its values: {values_known}")
     matches = []
-    for axes, places in group_rows([point.axes for point in points], key):
+    for axes, places in group_rows(rows, key):
         group = [points[place] for place in places if len(points[place].times)]
         found = {canonical_text({key: point.axes[key]}): point for point in group}
         matches.append((axes, [found.get(text) for text in texts]))

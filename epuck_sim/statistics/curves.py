@@ -5,7 +5,6 @@ differ from those that have ended.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -16,7 +15,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.display.table import Row, Table, plain
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
-from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.runs.reader import PointTrials, SweepTrials
 from epuck_sim.scenario.axes import SPEED, choose_axis, group_rows
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import axis_key
@@ -59,17 +58,16 @@ class Curve(NamedTuple):
         return [statistic_name(self.statistic, share > 0, is_share=self.is_share) for share in shares]
 
 
-def folder_curves(
-    folder: Path | str, of: str | None = None, axis: str | None = None, statistic: Statistic = Statistic.MEAN
+def sweep_curves(
+    points: SweepTrials, axis: str | None = None, statistic: Statistic = Statistic.MEAN
 ) -> tuple[str, list[Curve]]:
-    """Return an axis of a run folder, by default speed or that with the most numbers, and the curves along it."""
-    points = read_points(folder, of)
+    """Return an axis of a sweep, by default speed or that with the most numbers, and the curves along it."""
     rows = [point.axes for point in points]
-    with refused_at(str(folder)):
+    with refused_at(str(points.folder)):
         chosen = choose_axis(rows, axis and axis_key(axis, rows, "--x"))
     curves = read_curves(points, chosen, statistic)
     if not curves:
-        raise StoreError(f"{folder}: holds no results yet")
+        raise StoreError(f"{points.folder}: holds no results yet")
     return chosen, curves
 
 

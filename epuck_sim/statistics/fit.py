@@ -5,7 +5,6 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -15,11 +14,12 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
+from epuck_sim.runs.reader import SweepTrials
 from epuck_sim.scenario.axes import SPEED
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import Curve, check_speed_alone, folder_curves
+from epuck_sim.statistics.curves import Curve, check_speed_alone, sweep_curves
 from epuck_sim.statistics.extrema import (
     FAST_FACTOR,
     MIN_SPEEDS,
@@ -220,14 +220,16 @@ class Laws(NamedTuple):
     axes: Mapping[str, Any] = MappingProxyType({})  # folder and axes that these share, and those left out do not
 
 
-def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[FittedCurve]:
-    """Find the local minimum, the peak and V_f of each curve of T_sync against speed in a run folder."""
-    axis, curves = folder_curves(folder, statistic=statistic)
+def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> list[FittedCurve]:
+    """Find the local minimum, the peak and V_f of each curve of T_sync against speed of a sweep."""
+    axis, curves = sweep_curves(points, statistic=statistic)
     if not axis.endswith(SPEED):
-        raise EpuckSimError(f"{folder}: no axis ends in {SPEED}; extrema are those of T_sync against speed")
-    with refused_at(str(folder)):
+        raise EpuckSimError(
+            f"{points.folder}: no axis of several values ends in {SPEED}; extrema are those of T_sync against speed"
+        )
+    with refused_at(str(points.folder)):
         check_speed_alone(curves)
-    return [_fit_curve(str(folder), curve) for curve in curves]
+    return [_fit_curve(str(points.folder), curve) for curve in curves]
 
 
 def _fit_curve(run: str, curve: Curve) -> FittedCurve:
@@ -392,15 +394,15 @@ def _record(found: Extrema | None) -> dict[str, Any] | None:
 
 
 def fit_measure(
-    folder: Path | str, of: str, axis: str | None = None, statistic: Statistic = Statistic.MEAN
+    points: SweepTrials, axis: str | None = None, statistic: Statistic = Statistic.MEAN
 ) -> list[MeasureFit]:
     """Find the minimum and the peak of each curve of a measure along an axis, by default the speed."""
-    chosen, curves = folder_curves(folder, of, axis, statistic)
-    return [_fit_measure(str(folder), of, chosen, curve) for curve in curves]
+    chosen, curves = sweep_curves(points, axis, statistic)
+    return [_fit_measure(str(points.folder), chosen, curve) for curve in curves]
 
 
-def _fit_measure(run: str, of: str, axis: str, curve: Curve) -> MeasureFit:
-    head = run, of, axis, curve.axes, curve.names[0]
+def _fit_measure(run: str, axis: str, curve: Curve) -> MeasureFit:
+    head = run, curve.of or "T_sync", axis, curve.axes, curve.names[0]
     usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & (curve.censored < MOST_CENSORED)
     usable &= np.isfinite(curve.values)
     reason = _reason_against(curve, usable)

@@ -114,6 +114,17 @@ def test_compare_prints_points_and_what_holds_over_all_and_plan_how_long_more_tr
     assert (duration["wall_s"], duration["left"], duration["timed"]) == (pytest.approx(100), 400_000, 240)
 
 
+def test_where_leaves_the_points_with_some_values_of_an_axis(tmp_path) -> None:
+    folder = store(tmp_path / "run", sweep({COUNT: [5, 10], SPEED: SPEEDS}, trials=5), lambda point: weibull(point, 30))
+    assert [row["point"] for row in read("summarize", folder, "--where", "count=10")] == [5, 6, 7, 8, 9]
+    assert [each["axes"] for each in read("fit", folder, "--where", "count=10")["curves"]] == [{COUNT: 10}]
+    compared = read("compare", folder, "--axis", "count=5,10", "--where", "speed_cm_s=5,1")
+    assert [point["axes"][SPEED] for point in compared["points"]] == [1, 5]
+    called("plot", folder, "--where", "count=10", "--to", tmp_path / "fig")
+    assert [row[COUNT] for row in rows(tmp_path / "fig.csv")] == ["10"] * 5
+    assert (tmp_path / "fig.txt").read_text().splitlines()[2] == "Only points with count=10."
+
+
 def test_plan_of_a_folder_says_where_trials_tell_of_time_alone(tmp_path) -> None:
     for limit, printed, note in (
         (None, ": all are stored.", "note: trials have no T_sync; give --of"),

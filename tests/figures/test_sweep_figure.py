@@ -182,7 +182,7 @@ def test_what_does_not_fit_is_refused_in_words() -> None:
         ),
         (lambda: figures.plot([POINTS[0], "folder"]), "a list of PointTrials, str; allowed: run folders, or points"),
         (lambda: figures.plot([3]), "results are a list of int; allowed: run folders"),
-        (lambda: figures.plot(POINTS, of="way"), "names and of are for run folders"),
+        (lambda: figures.plot(POINTS, where=["count=3"]), "names, where and of are for run folders"),
         (lambda: figures.plot(POINTS, form="pie"), "figure.form: is 'pie'; allowed: 'curves', 'map'"),
         (lambda: figures.plot(POINTS, width=3), "figure.width: unknown 'width', did you mean 'width_cm'"),
         (lambda: figures.plot(SIGNED, scale="log"), "--log: mine has values that are not positive, such as -1"),

@@ -184,6 +184,12 @@ def test_there_is_a_row_for_each_trial_in_the_order_of_the_sweep(tmp_path) -> No
     assert math.isnan(frame["t_sync_cycles"][1])
 
 
+def test_points_may_be_those_with_some_values_of_axes_whose_endings_are_enough(tmp_path) -> None:
+    read = read_points(store(tmp_path / "run", FOUR, half_censored), where=["count=5", "speed_cm_s=1.0,2"])
+    assert [(point.number, point.axes[COUNT]) for point in read] == [(2, 5), (3, 5)]
+    assert read.to_pandas()["point"].tolist() == [2, 2, 3, 3]
+
+
 def test_trials_without_t_sync_are_neither_censored_nor_not_and_pandas_may_be_missing(monkeypatch) -> None:
     made = made_folders.in_memory(FOUR, half_censored)
     points = SweepTrials(point._replace(observed=point.observed & False, has_t_sync=False) for point in made)

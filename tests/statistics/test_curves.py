@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import points, summarize
-from epuck_sim.runs.reader import PointTrials
+from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguishing_axes
 from epuck_sim.statistics import Statistic, extrema
 from epuck_sim.statistics.curves import Curve, read_curves
@@ -419,7 +419,7 @@ def bump(x, random):
 
 def test_a_folder_has_one_for_each_curve(tmp_path):
     folder = folder_of(tmp_path, bump, **{COUPLING: [0.1, 0.2]})
-    fits = fit_measure(folder, "near_walls")
+    fits = fit_measure(read_points(folder, "near_walls"))
     assert [fit.axes for fit in fits] == [{COUPLING: 0.1}, {COUPLING: 0.2}]
     for fit in fits:
         assert (fit.axis, fit.of, fit.statistic, fit.reason) == (SPEED, "near_walls", "mean", "")
@@ -429,7 +429,7 @@ def test_a_folder_has_one_for_each_curve(tmp_path):
 
 def test_what_is_0_where_nothing_moves_is_no_reason_against_it(tmp_path):
     folder = folder_of(tmp_path, lambda x, random: bump(x, random) if x else 0.0, **{SPEED: [0.0, *PLACES.tolist()]})
-    (fit,) = fit_measure(folder, "near_walls")
+    (fit,) = fit_measure(read_points(folder, "near_walls"))
     assert fit.peak.places[0].estimate.value == pytest.approx(10**0.3, rel=0.1)
 
 
@@ -447,6 +447,6 @@ def test_what_is_0_where_nothing_moves_is_no_reason_against_it(tmp_path):
     ],
 )
 def test_where_it_makes_no_sense_it_says_why(law, trials, said, tmp_path):
-    (fit,) = fit_measure(folder_of(tmp_path, law, trials=trials), "near_walls")
+    (fit,) = fit_measure(read_points(folder_of(tmp_path, law, trials=trials), "near_walls"))
     assert (fit.minimum, fit.peak) == (None, None)
     assert said in fit.reason

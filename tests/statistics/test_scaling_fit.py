@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.cli.tables import show
 from epuck_sim.estimate import Estimate
+from epuck_sim.runs.reader import read_points
 from epuck_sim.statistics import fit as fitting
 from epuck_sim.statistics.extrema import PLACES, Place
 from epuck_sim.statistics.fit import LAWS, FittedCurve, fit_curves, fit_laws, fit_offset_law, fit_power_law
@@ -32,7 +33,7 @@ def fitted(folder, axes, key: str, units) -> list[FittedCurve]:
     def law(point):
         return weibull(point, made_folders.bumpy_mean(point.axes[SPEED], *units[point.axes[key]]))
 
-    return fit_curves(store(folder, sweep(None, trials=200, sweep=axes), law))
+    return fit_curves(read_points(store(folder, sweep(None, trials=200, sweep=axes), law)))
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +86,8 @@ def test_minimum_and_peak_lie_in_their_intervals_which_are_narrow(sizes, couplin
 
 
 def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) -> None:
-    curves = fit_curves(store(tmp_path, sweep({SPEED: made_folders.MANY_SPEEDS}, trials=60), made_folders.falling))
+    scenario = sweep({SPEED: made_folders.MANY_SPEEDS}, trials=60)
+    curves = fit_curves(read_points(store(tmp_path, scenario, made_folders.falling)))
     assert not curves[0].places
     stdout = printed(capsys, curves)
     assert "No laws: no curve has a local minimum and a peak." in stdout
@@ -134,7 +136,7 @@ def test_curves_without_extrema_or_that_differ_in_something_else_are_left_out_of
 def test_what_a_law_does_not_account_for_and_trials_depend_on_tells_scenarios_apart(tmp_path, changes, is_told_apart):
     scenarios = {"base": sweep({SPEED: [1, 2]}), "other": sweep({SPEED: [1, 2]}, **changes)}
     folders = [store(tmp_path / name, scenario, lambda _: ended([5])) for name, scenario in scenarios.items()]
-    assert len({fit_curves(folder)[0].others for folder in folders}) == 1 + is_told_apart
+    assert len({fit_curves(read_points(folder))[0].others for folder in folders}) == 1 + is_told_apart
 
 
 LEVEL = lawful()._replace(model="particles", places={"V_f": Place(Estimate(9.0, 8, 10), np.full(400, 9.0))})
