@@ -70,35 +70,46 @@ def summarize(
 
 @results.command()
 def fit(
-    folders: Annotated[list[Path], argument("FOLDER", "Run folders of sweeps over speed.")],
+    folders: Annotated[list[Path], argument("FOLDER", "Run folders of sweeps.")],
     statistic: Annotated[Statistic, option("mean|median|weibull-mean", _STATISTIC_HELP)] = Statistic.MEAN,
     of: options.OfOption = None,
     x: Annotated[str | None, option("--x KEY", "Axis of --of; by default the speed.")] = None,
+    power: Annotated[
+        str | None, option("KEY,...", "Fit a product of powers of these axes to the trials, censored ones included.")
+    ] = None,
     where: options.WhereOption = None,
     as_json: options.JsonOption = False,
     as_csv: options.CsvOption = False,
 ) -> None:
     """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale.
 
-    For a measure, print its minimum and its peak along an axis.
+    For a measure, print its minimum and its peak along an axis. With --power, print by which powers of axes it grows.
     """
     from epuck_sim.cli.tables import show
     from epuck_sim.runs.reader import read_points
-    from epuck_sim.statistics.fit import fit_curves, fit_laws, fit_measure, fit_tables, measure_fit_table
+    from epuck_sim.statistics import fit as fitting
 
     reject_first(
         options.both(as_json, as_csv),
+        (bool(power and x), "--power has axes of its own; leave --x out"),
+        (power is not None and statistic != Statistic.MEAN, "--power is of medians; leave --statistic out"),
         (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
     )
     read = [read_points(folder, of, where) for folder in folders]
-    if of is not None:
-        fits = [fit for points in read for fit in fit_measure(points, x, statistic)]
-        show([measure_fit_table(fits)], [fit.record() for fit in fits], as_json=as_json, as_csv=as_csv)
-        return
-    curves = [curve for points in read for curve in fit_curves(points, statistic)]
-    laws = fit_laws(curves)
-    found = {"curves": [curve.record() for curve in curves], "laws": laws}
-    show(fit_tables(curves, laws), found, as_json=as_json, as_csv=as_csv)
+    found: Any
+    if power is not None:
+        keys = [key.strip() for key in power.split(",")]
+        found = [fit for points in read for fit in fitting.fit_powers(points, keys)]
+        tables = [fitting.powers_table(found)]
+    elif of is not None:
+        fits = [fit for points in read for fit in fitting.fit_measure(points, x, statistic)]
+        tables, found = [fitting.measure_fit_table(fits)], [fit.record() for fit in fits]
+    else:
+        curves = [curve for points in read for curve in fitting.fit_curves(points, statistic)]
+        laws = fitting.fit_laws(curves)
+        tables = fitting.fit_tables(curves, laws)
+        found = {"curves": [curve.record() for curve in curves], "laws": laws}
+    show(tables, found, as_json=as_json, as_csv=as_csv)
 
 
 @results.command()

@@ -11,15 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.display.table import Row, Table
+from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
-from epuck_sim.runs.reader import SweepTrials
-from epuck_sim.scenario.axes import SPEED
+from epuck_sim.runs.reader import PointTrials, SweepTrials
+from epuck_sim.scenario.axes import SPEED, choose_axis
 from epuck_sim.scenario.base import refused_at
+from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import Curve, check_speed_alone, sweep_curves
+from epuck_sim.statistics.curves import Curve, check_speed_alone, group_by_other_axes, sweep_curves
 from epuck_sim.statistics.extrema import (
     FAST_FACTOR,
     MIN_SPEEDS,
@@ -33,8 +34,9 @@ from epuck_sim.statistics.extrema import (
     search_extrema,
     smooth_logs,
 )
-from epuck_sim.statistics.statistic import MOST_CENSORED
-from epuck_sim.util.messages import counted
+from epuck_sim.statistics.statistic import MOST_CENSORED, measure, quantity, student_estimate
+from epuck_sim.statistics.survival import fit_log_normal
+from epuck_sim.util.messages import counted, shortest_endings
 
 Quantity = tuple[FloatArray, FloatArray]  # values, (C,), of curves, and resamples, (B, C); NaN where unknown
 Parameters = Mapping[str, FloatArray]  # values of epsilon, L (cm), N and tau (s), each (C,): one for every curve
@@ -143,8 +145,8 @@ def compare_laws(
 ) -> list[Comparison]:
     """Fit the law of each quantity, and return the exponents beside those of the thesis."""
     rows: list[Comparison] = []
-    for name, quantity in quantities.items():
-        fit = fit_power_law(laws[name], parameters, *quantity)
+    for name, numbers in quantities.items():
+        fit = fit_power_law(laws[name], parameters, *numbers)
         for parameter, exponent in fit.exponents.items():
             term = laws[name][parameter]
             rows.append(Comparison(name, parameter, term.form, exponent, term.exponent, fit.curves, fit.misfit))
@@ -172,17 +174,22 @@ def _least_squares(
     design: FloatArray, weights: FloatArray, names: Sequence[str], values: FloatArray, resampled: FloatArray
 ) -> tuple[list[Estimate], float]:
     """Return the coefficients of a design (C, P), with percentiles over resamples, and the residual sum of squares."""
-    curves, unknowns = design.shape
-    if curves < unknowns:
-        raise ValueError(f"{curves} curves do not determine {unknowns} unknowns: a prefactor and {', '.join(names)}")
-    if np.linalg.matrix_rank(design, rtol=1e-9) < unknowns:
-        raise ValueError(f"the curves do not distinguish {', '.join(names)}: they vary together")
+    _check_determined(design, names, "curves")
     root = np.sqrt(weights / weights.max())
     solution = np.linalg.pinv(root[:, None] * design) * root
     fitted = solution @ values
     low, high = np.percentile(resampled @ solution.T, [2.5, 97.5], axis=0)
     estimates = [Estimate(*numbers) for numbers in np.column_stack([fitted, low, high]).tolist()]
     return estimates, float(weights @ (values - design @ fitted) ** 2)
+
+
+def _check_determined(design: FloatArray, names: Sequence[str], what: str) -> None:
+    """Raise ValueError if the rows of a design, (C, P), of C curves or points, do not determine P unknowns."""
+    rows, unknowns = design.shape
+    if rows < unknowns:
+        raise ValueError(f"{rows} {what} do not determine {unknowns} unknowns: a prefactor and {', '.join(names)}")
+    if np.linalg.matrix_rank(design, rtol=1e-9) < unknowns:
+        raise ValueError(f"the {what} do not distinguish {', '.join(names)}: they vary together")
 
 
 QUANTITIES = (*PLACES, "V_f")  # what a curve of T_sync may have, in the order of tables
@@ -319,6 +326,10 @@ NOTES = {
 }
 """The laws of the thesis, by model."""
 
+NOISE_ALONE = (
+    "Intervals account for the noise of the trials alone; where a misfit is far above 1, the law does not hold."
+)
+
 
 def fit_tables(curves: Sequence[FittedCurve], laws: Laws) -> list[Table]:
     """Return the table of the minimum and the peak of each curve, and that of the laws."""
@@ -339,16 +350,18 @@ def _extrema_table(curves: Sequence[FittedCurve]) -> Table:
     return Table("Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p"})
 
 
-def _rows(found: "Sequence[FittedCurve | MeasureFit]", cells: Iterable[Mapping[str, Any]]) -> list[Row]:
+def _rows(found: "Sequence[FittedCurve | MeasureFit | PowersFit]", cells: Iterable[Mapping[str, Any]]) -> list[Row]:
     """Return rows of curves of any folders, with an empty cell for an axis that a folder does not have."""
     keys = list(dict.fromkeys(key for each in found for key in each.axes))
     axes = ({"run": each.run, **{key: each.axes.get(key, "") for key in keys}} for each in found)
     return [Row(*each) for each in zip(axes, cells, strict=True)]
 
 
-def _reasons(found: "Sequence[FittedCurve | MeasureFit]") -> list[str]:
+def _reasons(
+    found: "Sequence[FittedCurve | MeasureFit | PowersFit]", said: str = "Not looked for on {} of {} curves: {}."
+) -> list[str]:
     reasons = Counter(each.reason for each in found if each.reason)
-    return [f"Not looked for on {count} of {len(found)} curves: {reason}." for reason, count in reasons.items()]
+    return [said.format(count, len(found), reason) for reason, count in reasons.items()]
 
 
 def _laws_table(laws: Laws) -> Table:
@@ -359,7 +372,7 @@ def _laws_table(laws: Laws) -> Table:
         for quantity, law in laws.offset_laws.items()
     ]
     notes += [
-        "Intervals account for the noise of the trials alone; where a misfit is far above 1, the law does not hold.",
+        NOISE_ALONE,
         NOTES.get(laws.model, NOTES["embodied"]),
     ]
     if laws.left_out:
@@ -443,3 +456,85 @@ def measure_fit_table(fits: Sequence[MeasureFit]) -> Table:
     notes += _reasons(fits)
     headings = {f"{name}_{part}": text.format(name) for name in ("minimum", "peak") for part, text in parts.items()}
     return Table(f"Minimum and peak of {of} against {axes}, with 95 % intervals", _rows(fits, cells), notes, headings)
+
+
+class PowersFit(NamedTuple):
+    """A product of powers of axes, fitted to trials: the median of T_sync, or a measure, whose logarithm is normal."""
+
+    run: str
+    of: str  # T_sync, or the measure, with its unit
+    axes: dict[str, Any]  # values of the other axes
+    trials: int
+    censored: Share  # share of the trials that is censored
+    points: int  # number of points that have trials
+    factor: Estimate  # median where all axes are 1
+    exponents: dict[str, Estimate]  # by axis
+    misfit: float = math.nan  # scatter of the points about the product, as in `PowerLaw`
+    reason: str = ""  # why all of this is undetermined; empty where it is not
+
+
+def fit_powers(points: SweepTrials, keys: Sequence[str]) -> list[PowersFit]:
+    """Fit powers of axes, given by their keys or endings, to the trials for each combination of the other axes.
+
+    Raises:
+        EpuckSimError: An axis does not have several numbers, all positive, or nothing can be fitted.
+    """
+    rows = [point.axes for point in points]
+    with refused_at(str(points.folder)):
+        axes = [choose_axis(rows, axis_key(key, rows, "--power"), "--power") for key in keys]
+        for axis in axes:
+            values = sorted({row[axis] for row in rows})
+            if values[0] <= 0 or len(values) == 1:
+                raise EpuckSimError(f"--power: {axis} is {values[0]}; allowed: axes of several values, all positive")
+        groups = group_by_other_axes(points, *axes)
+        fits = [_fit_powers(str(points.folder), group, axes, others) for others, group in groups]
+        if all(fit.reason for fit in fits):
+            raise EpuckSimError(fits[0].reason if fits else "holds no results yet")
+    return fits
+
+
+def _fit_powers(run: str, points: Sequence[PointTrials], axes: Sequence[str], others: dict[str, Any]) -> PowersFit:
+    measured = [measure(point) for point in points]
+    of = quantity(points[0].of, measured[0].unit)
+    if any(each.is_share or not each.is_positive for each in measured):
+        raise EpuckSimError(f"{of} is not positive in all trials, and powers are fitted to logarithms")
+    values, observed = (np.concatenate([getattr(each, name) for each in measured]) for name in ("values", "observed"))
+    place = np.repeat(np.arange(len(points)), [len(each.values) for each in measured])
+    censored = Share(np.count_nonzero(~observed) / max(len(values), 1))
+    nothing = dict.fromkeys(axes, UNDETERMINED)
+    found = PowersFit(run, of, others, len(values), censored, len(np.unique(place)), UNDETERMINED, nothing)
+    tells = values > 0  # a trial that is censored at 0 says nothing
+    values, observed, place = values[tells], observed[tells], place[tells]
+    logs = np.log([[point.axes[axis] for axis in axes] for point in points])
+    design = np.column_stack([np.ones(len(points)), logs])
+    try:
+        _check_determined(design[np.unique(place[observed])], axes, "points with known values")
+        _check_determined(np.column_stack([design[place], np.log(values)])[observed], [*axes, of], "trials")
+    except ValueError as error:
+        return found._replace(reason=str(error))
+    fit = fit_log_normal(design[place], values, observed)
+    ends = zip(fit.coefficients.tolist(), fit.errors.tolist(), strict=True)
+    factor, *exponents = (student_estimate(*each, fit.freedom) for each in ends)
+    surplus = found.points - design.shape[1]
+    squares = np.bincount(place, fit.slopes) ** 2 / np.maximum(np.bincount(place, fit.weights), LEAST_VARIANCE)
+    return found._replace(
+        factor=factor.apply(np.exp),
+        exponents=dict(zip(axes, exponents, strict=True)),
+        misfit=math.sqrt(float(squares.sum()) / surplus) if surplus else math.nan,
+    )
+
+
+def powers_table(fits: Sequence[PowersFit]) -> Table:
+    """Return a table of the factor and the exponents for each combination of the other axes."""
+    keys = list(dict.fromkeys(key for fit in fits for key in fit.exponents))
+    exponents = ({key: fit.exponents.get(key) for key in keys} for fit in fits)
+    others = ({name: getattr(fit, name) for name in ("trials", "censored", "points", "misfit")} for fit in fits)
+    cells = ({"factor": fit.factor, **each, **more} for fit, each, more in zip(fits, exponents, others, strict=True))
+    notes = [
+        "Median: the factor times each axis to its exponent. Trials are taken as log-normal about it, censored ones as "
+        "longer than their limit.",
+        NOISE_ALONE,
+        *_reasons(fits, "Not fitted to {} of {} combinations of the other axes: {}."),
+    ]
+    headings = {key: f"exponent of {ending}" for key, ending in shortest_endings(keys).items()}
+    return Table(f"{fits[0].of} as a product of powers, with 95 % intervals", _rows(fits, cells), notes, headings)

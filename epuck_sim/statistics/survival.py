@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import log_ndtr
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.estimate import LEVEL
@@ -128,7 +129,7 @@ def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:
 MIN_UNCENSORED = 0.1  # smallest share of uncensored trials from which the mean is estimated (Appendix A)
 
 _FEW_EVENT_TIMES = 20  # up to this number resamples differ much: their fits need more starts, and are quick
-_TOLERANCE = 1e-8  # in log(-log R): a fit has converged when the next step would be smaller
+_TOLERANCE = 1e-8  # in log(-log R), or twice the log-likelihood: a fit has converged when a step would be smaller
 _MAX_STEPS = 100  # a fit takes about 5; one that takes more has not converged
 
 
@@ -308,3 +309,43 @@ def _moments(x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, Floa
     centre = np.einsum("ij,j->i", w, x) / total
     away = x - centre[:, None]
     return total, centre, away, np.einsum("ij,ij,ij->i", w, away, away) / total
+
+
+class LogNormalFit(NamedTuple):
+    """A regression on k terms of the logarithms of n times, about which they scatter normally."""
+
+    coefficients: FloatArray  # (k,)
+    errors: FloatArray  # (k,) standard errors
+    freedom: int  # degrees of freedom of the errors
+    slopes: FloatArray  # (n,) slope of each trial's log-likelihood in what the regression says of it, over the scatter
+    weights: FloatArray  # (n,) fall of these slopes, which is 1 for trials that are not censored
+
+
+def fit_log_normal(design: FloatArray, times: FloatArray, observed: BoolArray) -> LogNormalFit:
+    """Fit log T = design @ coefficients, design (n, k), by maximum likelihood (Tobin 1958).
+
+    Newton's method finds the coefficients over the scatter, and the inverse of the scatter, in which the likelihood is
+    concave (Olsen 1978). Standard errors follow from the slopes (White 1982), so that the scatter need not be the same
+    everywhere. Times must be positive; those observed must differ from every combination of the terms.
+    """
+    terms = np.column_stack([design, -np.log(times)])
+    line = np.linalg.lstsq(design, -terms[:, -1])[0]
+    solution = np.append(line, 1) / np.std(terms @ np.append(line, 1))
+    events, precision = np.count_nonzero(observed), np.eye(len(solution))[-1]
+    for _ in range(_MAX_STEPS):  # it takes up to 20
+        beyond = terms @ solution
+        hazard = np.exp(-(beyond**2) / 2 - log_ndtr(beyond)) / math.sqrt(2 * math.pi)
+        slopes, weights = np.where(observed, -beyond, hazard), np.where(observed, 1, hazard * (hazard + beyond))
+        scores = slopes[:, None] * terms + np.outer(observed, precision / solution[-1])
+        information = terms.T @ (weights[:, None] * terms) + events * np.outer(precision, precision) / solution[-1] ** 2
+        step = np.linalg.solve(information, scores.sum(axis=0))
+        if scores.sum(axis=0) @ step < _TOLERANCE:
+            break
+        while step[-1] <= -solution[-1]:  # scatter is positive
+            step /= 2
+        solution = solution + step
+    coefficients, freedom = solution[:-1] / solution[-1], events - design.shape[1]
+    # by the solution's own errors, and the rule for a quotient
+    quotient = np.column_stack([np.eye(len(coefficients)), -coefficients]) / solution[-1]
+    errors = np.linalg.norm(quotient @ np.linalg.solve(information, scores.T), axis=1) * math.sqrt(events / freedom)
+    return LogNormalFit(coefficients, errors, freedom, slopes, weights)

@@ -75,6 +75,20 @@ def test_fit_of_several_folders_prints_them_all_and_names_the_statistic(made, tm
     assert "coupling" in stdout
 
 
+def test_fit_of_powers_prints_exponents_of_t_sync_or_a_measure(tmp_path) -> None:
+    def law(point):
+        return weibull(point, 3000 / point.axes[COUNT] ** 1.5)
+
+    folder = store(tmp_path / "run", sweep({COUNT: [5, 10, 20], SPEED: SPEEDS}, trials=20), law)
+    (found,) = read("fit", folder, "--power", "count,speed_cm_s")
+    assert (found["of"], found["trials"], found["points"]) == ("T_sync (cycles)", 300, 15)
+    assert found["exponents"][COUNT]["low"] < -1.5 < found["exponents"][COUNT]["high"]
+    assert found["exponents"][SPEED]["low"] < 0 < found["exponents"][SPEED]["high"]
+    stdout = called("fit", folder, "--power", "count", "--of", "t_sync_s", "--where", "speed_cm_s=1,5")
+    assert "T_sync (s) as a product of powers" in stdout
+    assert [row[0] for row in cells(stdout)] == ["1.0", "5.0"]
+
+
 @pytest.mark.parametrize("trials", [1, 3])
 def test_with_few_trials_fit_prints_no_p_value_and_plot_no_bands_nor_marks(trials, figures_noted, tmp_path) -> None:
     few = store(tmp_path / "few", sweep({SPEED: MANY_SPEEDS}, trials=trials), bumpy)

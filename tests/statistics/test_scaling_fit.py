@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,14 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.cli.tables import show
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import Estimate
-from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.reader import SweepTrials, read_points
 from epuck_sim.statistics import fit as fitting
 from epuck_sim.statistics.extrema import PLACES, Place
 from epuck_sim.statistics.fit import LAWS, FittedCurve, fit_curves, fit_laws, fit_offset_law, fit_power_law
 from tests.cli.commands import cells
 from tests.runs import made_folders
-from tests.runs.made_folders import COUPLING, HEIGHT, SPEED, WIDTH, ended, store, sweep, weibull
+from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, WIDTH, ended, store, sweep, weibull
 
 NAMES = ("v_m", "t_m", "v_p", "t_p")
 SIZES, COUPLINGS = [40, 60, 90], [0.05, 0.1, 0.2]
@@ -281,3 +283,48 @@ def test_every_law_is_compared_with_the_thesis_where_it_names_an_exponent(model)
         assert row.exponent.value == pytest.approx(truths[row.quantity][row.parameter], abs=1e-9)
         assert row.thesis == laws[row.quantity][row.parameter].exponent
         assert row.form == ("exponential" if row.parameter == "N" and row.quantity[0] == "T" else "power")
+
+
+POWERS = {COUNT: -1.2, SPEED: -0.5}
+
+
+def powers(grid, law, seed: int = 0) -> list[fitting.PowersFit]:
+    """Return the powers of numbers and speeds in a sweep whose trials a law draws."""
+    points = SweepTrials(made_folders.in_memory(sweep(grid, trials=20, seed=seed), law))
+    points.folder = Path("mine")
+    return fitting.fit_powers(points, ["count", "speed_cm_s"])
+
+
+def powerful(point) -> made_folders.Trials:
+    """Return the trials of a point, whose median is 40 L N^-1.2 V^-0.5; some are censored, as are all at L = 1e6."""
+    median = 40 * point.axes[WIDTH] * math.prod(point.axes[key] ** power for key, power in POWERS.items())
+    times = median * np.random.default_rng(point.seed(0)).lognormal(0, 0.8, 20)
+    return ended(np.minimum(times, 300), times < 300)
+
+
+def test_powers_of_axes_lie_in_their_intervals_as_often_as_they_say_though_trials_are_censored() -> None:
+    grid = {WIDTH: [40, 60], COUNT: [5, 10, 20], SPEED: [0.5, 1, 2, 4]}
+    fits = [fit for seed in range(60) for fit in powers(grid, powerful, seed)]
+    assert {fit.axes[WIDTH] for fit in fits} == {40, 60}
+    assert {(fit.trials, fit.points) for fit in fits} == {(240, 12)}
+    assert 0.1 < np.mean([fit.censored for fit in fits]) < 0.4
+    for key, power in POWERS.items():
+        found = [fit.exponents[key] for fit in fits]
+        assert 0.9 <= np.mean([each.low <= power <= each.high for each in found]) <= 0.99
+        assert np.mean([each.value for each in found]) == pytest.approx(power, abs=0.03)
+    assert np.mean([fit.factor.low <= 40 * fit.axes[WIDTH] <= fit.factor.high for fit in fits]) >= 0.9
+    assert np.mean([fit.misfit**2 for fit in fits]) == pytest.approx(1, abs=0.15)
+
+
+def test_powers_that_do_not_hold_have_a_large_misfit_and_those_of_censored_trials_alone_a_reason() -> None:
+    grid = {COUNT: [5, 10], SPEED: made_folders.SPEEDS}
+    (bent,) = powers(grid, lambda point: weibull(point, 90 * math.exp(4 * math.log(point.axes[SPEED]) ** 2), 200))
+    assert bent.misfit > 5
+    found, censored = fits = powers({WIDTH: [60, 1e6], **grid}, powerful)
+    assert (found.reason, censored.censored, censored.factor.has_interval) == ("", 1, False)
+    text = " ".join(fitting.powers_table(fits).to_text().split())
+    assert "1 of 2 combinations of the other axes: 0 points with known values do not determine 3 unknowns" in text
+    with pytest.raises(
+        EpuckSimError, match=r"mine: --power: \S*speed_cm_s is 0; allowed: axes of several values, all pos"
+    ):
+        powers({COUNT: [5, 10], SPEED: [0, 1]}, lambda _: ended([5, 6]))

@@ -4,10 +4,11 @@ import math
 from fractions import Fraction
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lifelines import KaplanMeierFitter
+from lifelines import KaplanMeierFitter, LogNormalAFTFitter
 from lifelines.utils import median_survival_times
 from scipy.optimize import curve_fit
 
@@ -255,3 +256,18 @@ def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn
     np.testing.assert_allclose(counts.mean(axis=0), len(cells) * shares, atol=5 * math.sqrt(variance.max() / 4000))
     np.testing.assert_allclose(counts.var(axis=0), variance, rtol=0.15)
     np.testing.assert_array_equal(np.concatenate([*survival.resample_counts(cells, 3, 4000, 1)]), counts)
+
+
+@pytest.mark.parametrize("censored", [0, 0.4, 0.9])
+def test_a_regression_of_log_normal_times_is_lifelines(censored: float) -> None:
+    random = np.random.default_rng(0)
+    x, z = np.log(random.choice([5, 10, 20], 400)), np.log(random.choice([0.5, 1, 2], 400))
+    times = np.exp(5 - 1.2 * x + 0.5 * z + 0.7 * random.standard_normal(400))
+    limit = np.quantile(times, 1 - censored)
+    columns = {"x": x, "z": z, "Intercept": np.ones(400)}
+    fit = survival.fit_log_normal(np.column_stack(list(columns.values())), np.minimum(times, limit), times <= limit)
+    frame = pd.DataFrame({**columns, "times": np.minimum(times, limit), "observed": times <= limit})
+    theirs = LogNormalAFTFitter(fit_intercept=False).fit(frame, "times", "observed", ancillary=frame[["Intercept"]])
+    summary = theirs.summary.loc["mu_"].loc[list(columns)]
+    assert fit.coefficients == pytest.approx(summary["coef"].to_numpy(), rel=1e-3)
+    assert fit.errors == pytest.approx(summary["se(coef)"].to_numpy(), rel=0.25)  # of trials that scatter alike
