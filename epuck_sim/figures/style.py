@@ -19,7 +19,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import T_SYNC
-from epuck_sim.scenario.axes import is_logarithmic as spans_decades
+from epuck_sim.scenario.axes import is_logarithmic
 from epuck_sim.util.messages import counted
 
 COLUMN_CM, PAGE_CM = 8.5, 17.5
@@ -249,11 +249,6 @@ def draw_intervals(
     alone = known[1:-1] & ~known[:-2] & ~known[2:]
     if alone.any():
         panel.vlines(x[alone], low[alone], high[alone], color=colour, linewidth=1)
-
-
-def is_logarithmic(key: str, values: FloatArray) -> bool:
-    """Return whether an axis with these values, (n,), is logarithmic: they are positive, and speeds or far apart."""
-    return spans_decades(key, float(values.min()), float(values.max()))
 
 
 def has_log_scale(of: str | None, values: FloatArray, scale: str | None = None) -> bool:

@@ -9,6 +9,7 @@ from itertools import product
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from epuck_sim.errors import EpuckSimError
@@ -18,6 +19,8 @@ from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
 LOG_RATIO = 10.0  # least ratio of the largest to the smallest value of an axis with a logarithmic scale
+EVEN_RATIO = 5.0  # the same for values evenly spaced in the logarithm: room for two of the ticks 1, 2 and 5 of a decade
+EVEN_VALUES, EVENNESS = 4, 0.05  # least number of such values, and how far off, relatively, each may be beside rounding
 MOST_NAMED = 20  # most values of an axis that a message names
 
 Rows = Sequence[Mapping[str, Any]]  # axis values of each point of a sweep, by dotted key
@@ -57,13 +60,23 @@ class FigureSection(ConfigModel):
     """Size of letters; those at ticks and in legends are a point smaller."""
 
 
-def is_logarithmic(key: str, low: float, high: float) -> bool:
-    """Return whether an axis from one value to another is logarithmic: they are positive, and speeds or far apart.
+def is_logarithmic(key: str, values: npt.ArrayLike) -> bool:
+    """Return whether an axis with these values is logarithmic.
 
-    >>> is_logarithmic("space.side_cm", 10.0, 100.0), is_logarithmic("agents.count", 5.0, 40.0)
+    It is if they are positive, and are speeds, far apart, or evenly spaced in the logarithm.
+
+    >>> is_logarithmic("space.side_cm", [10, 100]), is_logarithmic("agents.count", [5, 40])
+    (True, False)
+    >>> is_logarithmic("agents.count", [2, 3, 4, 7, 10, 15]), is_logarithmic("agents.count", [5, 15, 25, 35])
     (True, False)
     """
-    return low > 0 and (key.endswith(SPEED) or high / low >= LOG_RATIO)
+    distinct = np.unique(np.asarray(values, float))
+    low, high = distinct[0], distinct[-1]
+    if low <= 0 or key.endswith(SPEED) or high >= LOG_RATIO * low:
+        return bool(low > 0)
+    even, rounding = np.geomspace(low, high, len(distinct)), 0 if (distinct % 1).any() else 0.5
+    is_even = len(distinct) >= EVEN_VALUES and np.allclose(distinct, even, EVENNESS, rounding)
+    return bool(is_even and high >= EVEN_RATIO * low)
 
 
 def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *, by_name: bool = False) -> str:
@@ -254,7 +267,7 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     is_even = parts[4] in (None, "lin") or (parts[4] == "log" and first > 0)
     if not (0 < last - first < math.inf and 2 <= number <= MAX_POINTS and is_even):
         raise ValueError(refusal)
-    is_log = is_logarithmic(key, first, last) if parts[4] is None else parts[4] == "log"
+    is_log = is_logarithmic(key, (first, last)) if parts[4] is None else parts[4] == "log"
     inner = (np.geomspace if is_log else np.linspace)(first, last, number)[1:-1]
     if key.rpartition(".")[2] in COUNTS:
         inner = np.round(inner)

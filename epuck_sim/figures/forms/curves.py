@@ -20,7 +20,7 @@ from epuck_sim.figures.labels import format_axis_values, short_files, statistic_
 from epuck_sim.figures.saving import tabulate, tabulate_rows
 from epuck_sim.measures.measure import SERIES_COLUMNS, T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
+from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes, is_logarithmic
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, PointSeries, group_by_other_axes, read_curves, summarize_series
 from epuck_sim.statistics.extrema import MIN_SPEEDS, PLACES, ExtremaSearch, Place, search_extrema
@@ -137,7 +137,7 @@ class Curves(Form):
         is_log = style.has_log_scale(self.of, joined(self.curves, "values"), self.settings.scale)
         top, beyond = self._ends(is_log)
         for panel in panels:
-            style.make_logarithmic(panel, *["y"] * is_log, *["x"] * style.is_logarithmic(self.axis, x))
+            style.make_logarithmic(panel, *["y"] * is_log, *["x"] * is_logarithmic(self.axis, x))
             style.mark_wholes(panel.xaxis, x)
             style.set_names(panel, self.names)
         looks = {label: look for _, label, look in self.placed}

@@ -20,7 +20,7 @@ from epuck_sim.figures.forms.form import Choices, Form, check_has_values, joined
 from epuck_sim.figures.labels import statistic_label
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import choose_axis, choose_second_axis
+from epuck_sim.scenario.axes import choose_axis, choose_second_axis, is_logarithmic
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
 from epuck_sim.statistics.statistic import MOST_CENSORED
@@ -104,7 +104,7 @@ class Maps(Form):
 
     def draw(self, panels: Sequence[Axes]) -> None:
         x, y = joined(self.maps, "x"), joined(self.maps, "y")
-        scales = style.is_logarithmic(self.x, x), style.is_logarithmic(self.y, y)
+        scales = is_logarithmic(self.x, x), is_logarithmic(self.y, y)
         has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in self.maps)
         values = np.concatenate([each.values.ravel() for each in self.maps])
         is_log = style.has_log_scale(self.of, values, self.settings.scale)

@@ -19,7 +19,7 @@ from epuck_sim.figures.labels import undetermined_label
 from epuck_sim.figures.saving import tabulate
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import choose_axis
+from epuck_sim.scenario.axes import choose_axis, is_logarithmic
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, read_curves
 
@@ -103,7 +103,7 @@ class Violins(Form):
         shown = np.concatenate([each for curve in self.curves for each in (*synchronised(curve), curve.values)])
         kept = [each.values[each.observed | self.settings.points] for curve in self.curves for each in curve.measured]
         top = 3 * float(np.concatenate(kept).max(initial=self.censored_at or 1)) if self.of in T_SYNC else np.inf
-        is_log, has_logs = style.is_logarithmic(self.axis, x), style.has_log_scale(self.of, shown, self.settings.scale)
+        is_log, has_logs = is_logarithmic(self.axis, x), style.has_log_scale(self.of, shown, self.settings.scale)
         places = np.unique(np.log10(x) if is_log else x)
         half_width = HALF_WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
         for panel, curve in zip(panels, self.curves, strict=True):
