@@ -3,9 +3,8 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.estimate import UNDETERMINED, Estimate, significant
+from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.runs.reader import PointTrials, SweepTrials
 from epuck_sim.scenario.axes import SPEED, choose_axis
 from epuck_sim.scenario.base import refused_at
@@ -216,15 +215,14 @@ class FittedCurve(NamedTuple):
 
 
 class Laws(NamedTuple):
-    """Scaling laws of the curves that have a minimum and a peak, or V_f, and differ in epsilon, L, N and tau alone."""
+    """Scaling laws of curves that have a minimum and a peak, or V_f, and differ in epsilon, L, N and tau alone."""
 
-    model: str  # model of these curves; empty where there are none
-    curves: int  # number of these curves
+    model: str
+    axes: dict[str, Any]  # folder and axes that the curves share
+    curves: int  # number of the curves
     exponents: list[Comparison]
     offset_laws: dict[str, OffsetLaw]  # laws of T_m and T_p, by name
     reason: str  # why there are no laws; empty if there are
-    left_out: int = 0  # number of curves with a minimum and a peak, or V_f, that differ from these in another setting
-    axes: Mapping[str, Any] = MappingProxyType({})  # folder and axes that these share, and those left out do not
 
 
 def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> list[FittedCurve]:
@@ -266,31 +264,28 @@ def _other_settings(scenario: Scenario) -> str:
     return json.dumps(rest)
 
 
-def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
-    """Fit the laws to the largest group of curves that differ in nothing but speed, epsilon, L, N and tau."""
-    found = [curve for curve in curves if curve.places]
-    if not found:
-        return Laws("", 0, [], {}, "no curve has a local minimum and a peak")
-    ((most, _),) = Counter(curve.others for curve in found).most_common(1)
-    alike = [curve for curve in found if curve.others == most]
-    model = alike[0].model
+def fit_laws(curves: Sequence[FittedCurve]) -> list[Laws]:
+    """Fit the laws to each group of curves that differ in nothing but speed, epsilon, L, N and tau."""
+    groups: dict[str, list[FittedCurve]] = {}
+    for curve in curves:
+        if curve.places:
+            groups.setdefault(curve.others, []).append(curve)
+    return [_fit_laws(alike) for alike in groups.values()]
+
+
+def _fit_laws(alike: Sequence[FittedCurve]) -> Laws:
+    model, rows = alike[0].model, [{"run": curve.run, **curve.axes} for curve in alike]
+    shared = {key: value for key, value in rows[0].items() if all(row.get(key) == value for row in rows)}
     parameters = {name: np.array([curve.parameters[name] for curve in alike]) for name in alike[0].parameters}
     quantities = _quantities(alike)
     try:
         exponents = compare_laws(LAWS.get(model, LAWS["embodied"]), parameters, quantities)
     except ValueError as error:
-        return Laws(model, len(alike), [], {}, str(error))
-    if not exponents:
-        several = f"{counted(len(alike), 'curve')} with {FOUND.get(model, FOUND['embodied'])}"
-        return Laws(model, len(alike), [], {}, f"{several}, none of which differ in epsilon, L, N or tau")
-    offset_laws = {} if model == "particles" else _offset_laws(parameters, quantities)
-    rows, mine = ([{"run": curve.run, **curve.axes} for curve in each] for each in (found, alike))
-    shared = {
-        key: value
-        for key, value in mine[0].items()
-        if all(row.get(key) == value for row in mine) and any(row.get(key) != value for row in rows)
-    }
-    return Laws(model, len(alike), exponents, offset_laws, "", len(found) - len(alike), shared)
+        return Laws(model, shared, len(alike), [], {}, str(error))
+    several = f"{counted(len(alike), 'curve')} with {FOUND.get(model, FOUND['embodied'])}"
+    reason = "" if exponents else f"{several}, none of which differ in epsilon, L, N or tau"
+    offset_laws = {} if model == "particles" or reason else _offset_laws(parameters, quantities)
+    return Laws(model, shared, len(alike), exponents, offset_laws, reason)
 
 
 def _quantities(curves: Sequence[FittedCurve]) -> dict[str, Quantity]:
@@ -331,9 +326,12 @@ NOISE_ALONE = (
 )
 
 
-def fit_tables(curves: Sequence[FittedCurve], laws: Laws) -> list[Table]:
-    """Return the table of the minimum and the peak of each curve, and that of the laws."""
-    return [_extrema_table(curves), Table(f"No laws: {laws.reason}.", []) if laws.reason else _laws_table(laws)]
+def fit_tables(curves: Sequence[FittedCurve], laws: Sequence[Laws]) -> list[Table]:
+    """Return the table of the minimum and the peak of each curve, and those of the laws."""
+    if not any(each.exponents for each in laws):
+        reasons = dict.fromkeys(each.reason for each in laws) or ["no curve has a local minimum and a peak"]
+        return [_extrema_table(curves), Table(f"No laws: {'; '.join(reasons)}.", [])]
+    return [_extrema_table(curves), *_laws_tables(laws)]
 
 
 def _extrema_table(curves: Sequence[FittedCurve]) -> Table:
@@ -358,28 +356,29 @@ def _rows(found: "Sequence[FittedCurve | MeasureFit | PowersFit]", cells: Iterab
 
 
 def _reasons(
-    found: "Sequence[FittedCurve | MeasureFit | PowersFit]", said: str = "Not looked for on {} of {} curves: {}."
+    found: "Sequence[FittedCurve | MeasureFit | PowersFit | Laws]", said: str = "Not looked for on {} of {} curves: {}."
 ) -> list[str]:
     reasons = Counter(each.reason for each in found if each.reason)
     return [said.format(count, len(found), reason) for reason, count in reasons.items()]
 
 
-def _laws_table(laws: Laws) -> Table:
-    rows = [Row({}, row._asdict()) for row in laws.exponents]
+def _laws_tables(laws: Sequence[Laws]) -> Iterator[Table]:
+    """Yield the table of the exponents of all groups of curves, and that of the laws of T_m and T_p with an offset."""
+    keys = list(dict.fromkeys(key for each in laws for key in each.axes))
+    groups = [({key: each.axes.get(key, "") for key in keys}, each) for each in laws if each.exponents]
+    rows = [Row(axes, row._asdict()) for axes, each in groups for row in each.exponents]
     notes = [
-        f"{quantity} = A L e^N / tau^2 + K: A = {law.factor} cycles s^2/cm, K = {law.offset} cycles, "
-        f"R^2 = {significant(law.r_squared)}"
-        for quantity, law in laws.offset_laws.items()
-    ]
-    notes += [
         NOISE_ALONE,
-        NOTES.get(laws.model, NOTES["embodied"]),
+        *dict.fromkeys(NOTES.get(each.model, NOTES["embodied"]) for _, each in groups),
+        *_reasons(laws, "No laws of {} of {} groups of curves that differ in more: {}."),
     ]
-    if laws.left_out:
-        several = f"{laws.left_out} curves with {FOUND.get(laws.model, FOUND['embodied'])}"
-        notes.append(f"{several} differ in more than V, epsilon, L, N and tau: for their laws, sweep them alone.")
-    title = f"Scaling laws of {laws.curves} curves of {NOUNS.get(laws.model, laws.model)}"
-    return Table(", ".join([title, *(f"{key} = {value}" for key, value in laws.axes.items())]), rows, notes)
+    nouns = " and ".join(dict.fromkeys(NOUNS.get(each.model, each.model) for _, each in groups))
+    yield Table(f"Scaling laws of {sum(each.curves for _, each in groups)} curves of {nouns}", rows, notes)
+    offsets = [(axes, name, law) for axes, each in groups for name, law in each.offset_laws.items()]
+    if offsets:
+        found = [Row(axes, {"quantity": name, **law._asdict()}) for axes, name, law in offsets]
+        headings = {"factor": "A (cycles s^2/cm)", "offset": "K (cycles)", "r_squared": "R^2"}
+        yield Table("T = A L e^N / tau^2 + K, with 95 % intervals", found, [], headings)
 
 
 class MeasureFit(NamedTuple):

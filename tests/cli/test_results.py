@@ -68,7 +68,7 @@ def test_fit_of_several_folders_prints_them_all_and_names_the_statistic(made, tm
     found = read("fit", made, other, "--statistic", "weibull-mean")
     assert [curve["statistic"] for curve in found["curves"]] == [["Weibull mean"]] * 3
     assert [curve["run"] for curve in found["curves"]] == [str(made), str(made), str(other)]
-    assert found["laws"]["curves"] == 3
+    assert [each["curves"] for each in found["laws"]] == [3]
     stdout = called("fit", made, other, "--statistic", "median")
     assert "T_m and T_p: median." in stdout
     assert "Scaling laws of 3 curves" in stdout

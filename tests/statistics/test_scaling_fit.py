@@ -95,13 +95,14 @@ def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) 
     assert "No laws: no curve has a local minimum and a peak." in stdout
     assert "-: no minimum and peak that stand out from noise" in stdout
     read = json_of(capsys, curves)
-    assert read["laws"] == fit_laws(curves)._asdict()
+    assert read["laws"] == fit_laws(curves) == []
     assert [read["curves"][0][name] for name in NAMES] == [None] * 4
     assert 0.05 < read["curves"][0]["p_value"] <= 1
 
 
 def test_several_folders_make_one_law(sizes, couplings) -> None:
-    rows = fit_laws([*sizes, *couplings]).exponents
+    (laws,) = fit_laws([*sizes, *couplings])
+    rows = laws.exponents
     truths = {"V_m": (1, 1), "T_m": (0, 1), "V_p": (1, 1), "T_p": (0, 1)}
     assert [(row.quantity, row.parameter) for row in rows] == [(q, name) for q in truths for name in ("epsilon", "L")]
     for row in rows:
@@ -111,16 +112,20 @@ def test_several_folders_make_one_law(sizes, couplings) -> None:
         assert abs(value - truths[row.quantity][row.parameter == "L"]) < high - low
 
 
-def test_curves_without_extrema_or_that_differ_in_something_else_are_left_out_of_the_laws(sizes) -> None:
-    laws = fit_laws([sizes[0]._replace(places={}), *sizes[1:]])
+def test_curves_without_extrema_are_left_out_and_those_that_differ_in_something_else_have_laws_of_their_own(
+    capsys, sizes
+) -> None:
+    (laws,) = fit_laws([sizes[0]._replace(places={}), *sizes[1:]])
     assert laws.curves == 2
     assert {row.parameter for row in laws.exponents} == {"L"}
     assert math.isnan(laws.exponents[0].misfit)  # with as many curves as unknowns
     others = [lawful(), lawful(epsilon=0.2)]
-    mixed = fit_laws([*others, *sizes])
-    assert mixed.axes == {"run": sizes[0].run}
-    assert {row.curves for row in mixed.exponents} == {3}
-    assert (mixed.curves, mixed.left_out, mixed.exponents) == (3, 2, fit_laws(sizes).exponents)
+    mixed = [*others, *sizes, lawful()._replace(others="alone")]
+    assert fit_laws(mixed) == [*fit_laws(others), *fit_laws(sizes), *fit_laws(mixed[-1:])]
+    assert [each.axes["run"] for each in fit_laws(mixed)] == ["run", sizes[0].run, "run"]
+    text = " ".join(printed(capsys, mixed).split())
+    assert "Scaling laws of 5 curves of robots" in text
+    assert "No laws of 1 of 3 groups of curves that differ in more: 1 curve with a minimum and a peak, none of" in text
 
 
 @pytest.mark.parametrize(
@@ -156,7 +161,7 @@ LEVEL = lawful()._replace(model="particles", places={"V_f": Place(Estimate(9.0, 
 )
 def test_why_curves_make_no_law_is_reported(capsys, curves: list[FittedCurve], reason: str) -> None:
     assert f"No laws: {reason}" in " ".join(printed(capsys, curves).split())
-    found = json_of(capsys, curves)["laws"]
+    (found,) = json_of(capsys, curves)["laws"]
     assert (found["exponents"], found["offset_laws"]) == ([], {})
 
 
@@ -166,7 +171,7 @@ def test_the_exponents_are_next_to_the_thesis_s(capsys, couplings) -> None:
     assert "parameter epsilon; form power; curves 3" in " ".join(stdout.split())
     rows = cells(stdout)[-4:]
     assert [(row[0], row[2]) for row in rows] == [("V_m", "1"), ("T_m", "0"), ("V_p", "1"), ("T_p", "0")]
-    for row, comparison in zip(rows, fit_laws(couplings).exponents, strict=True):
+    for row, comparison in zip(rows, fit_laws(couplings)[0].exponents, strict=True):
         assert row[1] == str(comparison.exponent)
 
 
