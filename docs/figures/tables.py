@@ -15,11 +15,11 @@ from docs.trials import COLUMNS, read_table, table_file, write_table
 from epuck_sim import Scenario, load_scenario, points, read_points, run_sweep
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.reader import measures_in
-from epuck_sim.runs.store import Outcome, Store
+from epuck_sim.runs.store import Store
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.yaml_io import read_yaml
+from epuck_sim.sweep.worker import Task, make_outcome
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import versions
 
 SWEEPS = Path(__file__).with_name("sweeps.yaml")
 TABLES = "figures"  # in docs/trials
@@ -52,7 +52,6 @@ def write(name: str, scenario: Scenario, folder: Path) -> None:
 def restore(name: str, scenario: Scenario, folder: Path) -> None:
     """Put the trials of a table into a run folder, without what tables do not have: steps, computing time, versions."""
     swept, table = points(scenario), read_table(f"{TABLES}/{name}")
-    made = {**versions(), "host": "docs/trials"}
     further_columns = [*table.columns][len(COLUMNS) :]
     columns = {column: [*map(json.loads, table.columns[column])] for column in further_columns}
     outcomes = []
@@ -60,13 +59,14 @@ def restore(name: str, scenario: Scenario, folder: Path) -> None:
         trial = row - int(np.searchsorted(table.points, number))
         further = {column: values[row] for column, values in columns.items()}
         events = tuple(TrialEvent(**event) for event in further.pop("events", ()))
-        ended = 0 if np.isnan(cycles) else int(cycles)
+        last = 0 if np.isnan(cycles) else int(cycles)
+        task = Task(int(number), trial, swept[number].key, swept[number].scenario, False)
         result = TrialResult(
             scenario=scenario.name,
-            seed=swept[number].seed(trial),
-            t_sync_cycles=ended if observed else None,
+            seed=task.seed,
+            t_sync_cycles=last if observed else None,
             censored=not observed if table.has_t_sync else None,
-            cycles=ended,
+            cycles=last,
             order_parameter=None,
             steps=0,
             simulated_s=0.0,
@@ -74,7 +74,8 @@ def restore(name: str, scenario: Scenario, folder: Path) -> None:
             measures=further,
             events=events,
         )
-        outcomes.append(Outcome(int(number), trial, result.seed, result, None, made))
+        ended = make_outcome(task, result, None)
+        outcomes.append(ended._replace(provenance=(*ended.provenance[:-1], "docs/trials")))
     with Store(folder, scenario, swept) as store:
         store.add(outcomes)
 

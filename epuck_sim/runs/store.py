@@ -7,7 +7,6 @@ never holds results of two scenarios.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -18,7 +17,6 @@ from epuck_sim.runs.database import (
     ENTER_POINT,
     NULL,
     REPEATED,
-    RESULT,
     UNMEASURED,
     as_column,
     as_stored,
@@ -38,25 +36,30 @@ from epuck_sim.runs.share import WHOLE, Share, read_share
 from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.atomic_write import sync_folder
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.provenance import PROVENANCE
 
 _OF_TRIAL = "WHERE point = ? AND trial = ?"
 
-_of_result, _of_provenance = attrgetter(*RESULT), itemgetter(*PROVENANCE)
-
 
 class Outcome(NamedTuple):
-    """A trial that has ended, with a result or with an error."""
+    """A trial that has ended, with a result or with an error, as its row in the database has it."""
 
-    point: int
+    point: int  # number of its point
     trial: int
     seed: int
-    result: TrialResult | None  # its result; None if it failed
+    t_sync_cycles: int | None
+    censored: int | None
+    order_parameter: float | None
+    simulated_s: float | None
+    wall_s: float | None
+    steps: int | None
+    cycles: int | None
     error: str | None  # message of the error with which it failed; None if it has a result
-    provenance: dict[str, str]  # versions, and the host that ran it
+    measured: str | None
+    events: str | None
+    provenance: tuple[str, ...]  # versions, and the host that ran it, in the order of `PROVENANCE`
 
 
 class Store:
@@ -108,13 +111,14 @@ class Store:
                 )
                 sign(self._connection, "trials", self._connection.execute(f"{again} RETURNING point, trial").fetchall())
             self._has_measures = bool(measures_in(self._connection))
-            columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
+            columns = ("point", "trial", *points[0].axes, *Outcome._fields[2:-1], *PROVENANCE)
             self._with_sum = summing(self._connection, "trials", columns)
             self._insert = (
                 f"INSERT INTO trials ({', '.join(map(quoted, columns))}, checksum) "
                 f"VALUES ({', '.join('?' * len(columns))}, ?) ON CONFLICT DO NOTHING"
             )
-            (self._trials,) = self._connection.execute("SELECT count(*) FROM trials").fetchone()
+            counts = self._connection.execute("SELECT count(*), count(error) FROM trials").fetchone()
+            self._trials, self._failures = counts
             note_trials(self._path, self._trials)
             self._resources = stack.pop_all()
 
@@ -161,7 +165,7 @@ class Store:
                 are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
             else:
                 self._enter(outcomes, places)
-                are_stored = [outcome.result is not None for outcome in outcomes]
+                are_stored = [outcome.error is None for outcome in outcomes]
         self._check_ours()
         self._trials += self._new
         note_trials(self._path, self._trials)
@@ -189,10 +193,10 @@ class Store:
         stored = self._connection.execute(query, place).fetchone()
         if not stored:
             self._enter([outcome], [place])
-            return outcome.result is not None
+            return outcome.error is None
         before = dict(zip(columns, stored, strict=True))
-        error = outcome.error if outcome.result is None else difference(before, outcome.result)
-        measured = before["measured"] if outcome.result is None or error else _as_json(outcome.result.measures)
+        error = outcome.error if outcome.error is not None else difference(before, outcome)
+        measured = outcome.measured if error is None else before["measured"]
         update = f"UPDATE trials SET measured = ?, measuring_error = ? {_OF_TRIAL}"
         self._connection.execute(update, (measured, error, *place))
         sign(self._connection, "trials", [place])
@@ -201,22 +205,14 @@ class Store:
     def _enter(self, outcomes: Sequence[Outcome], places: Sequence[tuple[str, int]]) -> None:
         """Store trials that have no stored result."""
         rows = [
-            self._with_sum((*place, *self._columns(outcome))) for outcome, place in zip(outcomes, places, strict=True)
+            self._with_sum((*place, *self._axes[outcome.point], *outcome[2:-1], *outcome.provenance))
+            for outcome, place in zip(outcomes, places, strict=True)
         ]
-        deleted = self._connection.executemany(f"DELETE FROM trials {_OF_TRIAL} AND error IS NOT NULL", places)
-        self._new += self._connection.executemany(self._insert, rows).rowcount - deleted.rowcount
-
-    def _columns(self, outcome: Outcome) -> Sequence[Any]:
-        result, made = outcome.result, outcome.provenance
-        return (
-            *self._axes[outcome.point],
-            outcome.seed,
-            *([None] * len(RESULT) if result is None else map(as_stored, _of_result(result), RESULT.values())),
-            *_of_provenance(made),
-            outcome.error,
-            None if result is None else _as_json(result.measures),
-            None if result is None else _events(result),
-        )
+        if self._failures:
+            failed = self._connection.executemany(f"DELETE FROM trials {_OF_TRIAL} AND error IS NOT NULL", places)
+            self._new -= failed.rowcount
+        self._new += self._connection.executemany(self._insert, rows).rowcount
+        self._failures += sum(outcome.error is not None for outcome in outcomes)
 
     def __enter__(self) -> Self:
         return self
@@ -225,11 +221,11 @@ class Store:
         self._resources.close()
 
 
-def difference(stored: Mapping[str, Any], result: TrialResult) -> str | None:
+def difference(stored: Mapping[str, Any], outcome: Outcome) -> str | None:
     """Return a message on how a repeated trial differs from its stored columns, by name; None if it does not."""
-    pairs = [(name, stored[name], getattr(result, name)) for name in REPEATED]
-    pairs.append(("events", stored["events"], _events(result)))
-    pairs += [(name, value, result.measures[name]) for name, value in json.loads(stored["measured"] or "{}").items()]
+    pairs = [(name, stored[name], getattr(outcome, name)) for name in (*REPEATED, "events")]
+    before, now = (json.loads(measured or "{}") for measured in (stored["measured"], outcome.measured))
+    pairs += [(name, value, now[name]) for name, value in before.items()]
     for name, before, now in pairs:
         if json.dumps(before) != json.dumps(now):  # 1, 1.0 and true are equal, but not the same
             return (
@@ -238,11 +234,3 @@ def difference(stored: Mapping[str, Any], result: TrialResult) -> str | None:
                 "code that draws numbers of its own"
             )
     return None
-
-
-def _events(result: TrialResult) -> str | None:
-    return _as_json([event._asdict() for event in result.events])
-
-
-def _as_json(value: Any) -> str | None:
-    return json.dumps(value) if value else None

@@ -102,13 +102,14 @@ def run_sweep(
                         tasks = [_task(all_points[number], trial, interpret) for number, trial in added]
                         queue.add(tasks, until.width(outcome.point))
                         progress = progress._replace(trials=progress.trials + len(added))
-                    progress = progress._replace(
-                        narrow=None if until is None else until.narrow,
+                    progress = SweepProgress(
+                        trials=progress.trials,
                         stored=progress.stored + is_stored,
                         censored=_censored(progress.censored, outcome) if is_stored else progress.censored,
                         failed=progress.failed + (not is_stored),
                         ended=progress.ended + 1,
                         last=outcome,
+                        narrow=None if until is None else until.narrow,
                     )
                     observer(progress)
     return progress
@@ -116,8 +117,7 @@ def run_sweep(
 
 def _censored(before: int | None, outcome: Outcome) -> int | None:
     """Return how many trials are censored with one more; None as long as none has a T_sync."""
-    censored = outcome.result and outcome.result.censored
-    return before if censored is None else (before or 0) + censored
+    return before if outcome.censored is None else (before or 0) + outcome.censored
 
 
 def missing_tasks(

@@ -218,9 +218,9 @@ class ChunkSizer:
     def note(self, outcomes: Iterable[Outcome]) -> None:
         """Record trials that have ended."""
         for outcome in outcomes:
-            if outcome.result:  # it is not known how long others took
+            if outcome.wall_s is not None:  # it is not known how long others took
                 self._trials += 1
-                self._wall_s += outcome.result.wall_s
+                self._wall_s += outcome.wall_s
 
     def chunk(self, waiting: int, slots: int) -> int:
         """Return how many of the `waiting` trials to hand over to one of `slots`."""

@@ -7,6 +7,7 @@ if it does not, so that an endless loop costs a sweep only that trial. It counts
 thread, so that no trial is ended because the machine sleeps or is busy; `trial_timeout_s` is wall time.
 """
 
+import json
 import math
 import os
 import pickle
@@ -19,6 +20,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple, Self
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.database import RESULT, as_stored
 from epuck_sim.runs.sources import own_files
 from epuck_sim.runs.store import Outcome
 from epuck_sim.scenario.scenario import Scenario
@@ -181,13 +183,22 @@ def out_of_time(timeout_s: float) -> str:
 
 def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> Outcome:
     """Return the outcome of a task that this process has run, with its versions and host."""
-    return Outcome(task.point, task.trial, task.seed, result, error, _provenance())
+    values: list[Any] = [None] * len(RESULT)
+    measured = events = None
+    if result is not None:
+        values = [as_stored(getattr(result, name), kind) for name, kind in RESULT.items()]
+        measured, events = _as_json(result.measures), _as_json([event._asdict() for event in result.events])
+    return Outcome._make((task.point, task.trial, task.seed, *values, error, measured, events, _provenance()))
+
+
+def _as_json(value: Any) -> str | None:
+    return json.dumps(value) if value else None
 
 
 @lru_cache
-def _provenance() -> dict[str, str]:
+def _provenance() -> tuple[str, ...]:
     """Return versions and host, as one object for all outcomes, so that it is pickled once a chunk."""
-    return {**versions(), "host": host()}
+    return (*versions().values(), host())
 
 
 class Watchdog:

@@ -18,8 +18,8 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.runs.store import Outcome, Store
 from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.sweep.worker import Task, make_outcome
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
 from tests.control.bench import with_step
 
@@ -112,10 +112,10 @@ def of_point(point: Point, trials: Trials) -> PointTrials:
 
 def outcome(point: Point, trial: int, error: str | None = None, **changes) -> Outcome:
     """Return how a trial might have ended: failed, or with a result in which some fields are as `changes` says."""
-    seed, number = point.seed(trial), 1000 * point.number + trial
+    number, task = 1000 * point.number + trial, Task(point.number, trial, point.key, point.scenario, False)
     result = TrialResult(
         scenario=point.scenario.name,
-        seed=seed,
+        seed=task.seed,
         t_sync_cycles=number,
         censored=False,
         cycles=number,
@@ -124,7 +124,7 @@ def outcome(point: Point, trial: int, error: str | None = None, **changes) -> Ou
         simulated_s=5.0 * number,
         wall_s=0.001 * number,
     )._replace(**changes)
-    return Outcome(point.number, trial, seed, None if error else result, error, {**versions(), "host": host()})
+    return make_outcome(task, None if error else result, error)
 
 
 def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:

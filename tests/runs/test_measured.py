@@ -20,10 +20,9 @@ from epuck_sim.runs.store import Store, difference
 from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
-from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, called
 from tests.measures.files import COUNTER, write
-from tests.runs.made_folders import edit, outcome, put, refusal, rows, stored
+from tests.runs.made_folders import DEMO, edit, outcome, put, refusal, rows, stored
 from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import Stopped, agents_sweep, stopper, table
 
@@ -167,8 +166,8 @@ def test_a_trial_that_is_no_longer_the_same_is_reported_and_stays_as_it_is(folde
 
 
 def test_a_trial_is_the_same_only_to_the_bit():
-    result = TrialResult("demo", 1, 4, False, 4, 0.5, 80, 4.0, 0.1, {"a": 1, "b": 2.0})
-    stored = {**result._asdict(), "measured": '{"a": 1}', "events": None}
+    ended = outcome(points(DEMO)[0], 0, order_parameter=0.5, simulated_s=4.0, measures={"a": 1, "b": 2.0})
+    stored = {**ended._asdict(), "measured": '{"a": 1}'}
     for changes, differs in [
         ({}, False),
         ({"measured": None}, False),
@@ -182,7 +181,7 @@ def test_a_trial_is_the_same_only_to_the_bit():
         ({"events": "[]"}, True),
         ({"cycles": 5}, True),
     ]:
-        assert (difference({**stored, **changes}, result) is not None) == differs
+        assert (difference({**stored, **changes}, ended) is not None) == differs
 
 
 @pytest.mark.parametrize("mended", [True, False], ids=["mended", "left out"])

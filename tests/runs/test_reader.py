@@ -74,9 +74,10 @@ def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -
 def test_the_status_tells_trials_apart_by_what_made_them_and_is_of_the_scenario_that_was_run_last(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store:
-        for trial, changed in enumerate(({}, {}, {"host": "elsewhere"})):
+        for trial in range(3):
             ended = outcome(found[0], trial)
-            store.add([ended._replace(provenance={**ended.provenance, **changed})])
+            made = ended.provenance if trial < 2 else (*ended.provenance[:-1], "elsewhere")
+            store.add([ended._replace(provenance=made)])
     here, elsewhere = sorted(read_status(tmp_path).versions, key=lambda row: -row.trials)
     assert (here.made_by, here.trials) == (MADE_BY, 2)
     assert (elsewhere.made_by, elsewhere.trials) == ({**MADE_BY, "host": "elsewhere"}, 1)
@@ -254,7 +255,7 @@ def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folde
             store.add([each])
     expected = []
     for each in ended:
-        numbers = {name: value for name, value in each.result._asdict().items() if name in RESULT}
+        numbers = {name: getattr(each, name) for name in RESULT}
         place = {"point": each.point, "trial": each.trial}
         expected.append({**found[each.point].axes, **numbers, **place, **MADE_BY})
     table, texts = exported(folder)

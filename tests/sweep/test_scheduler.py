@@ -50,9 +50,9 @@ def queue(count: int) -> TaskQueue:
     return TaskQueue((task(trial) for trial in range(count)), count)
 
 
-def outcomes_of_length(wall_s: float, count: int) -> list[Outcome]:
+def outcomes_of_length(wall_s: float, tasks: list[Task]) -> list[Outcome]:
     result = TrialResult("x", 0, 1, False, 1, 1.0, 1, 0.1, wall_s)
-    return [Outcome(0, trial, 0, result, None, {}) for trial in range(count)]
+    return [make_outcome(each, result, None) for each in tasks]
 
 
 def test_tasks_are_the_same_on_the_other_side_and_their_scenario_is_pickled_once(monkeypatch) -> None:
@@ -109,7 +109,7 @@ class FakeExecutor:
             self.broken = True
             future.set_exception(BrokenExecutor("killed"))
         else:
-            future.set_result([make_outcome(each, *outcomes_of_length(0.01, 1)[0][3:5]) for each in tasks])
+            future.set_result(outcomes_of_length(0.01, tasks))
         return future
 
 
@@ -127,7 +127,7 @@ def test_every_trial_has_one_outcome_and_only_those_that_kill_their_worker_fail(
     found = list(chain.from_iterable(schedule(queue(count), [task(0)], opened(deadly, slots))))
     assert sorted(each.trial for each in found) == list(range(count))
     assert {each.trial for each in found if each.error} == {trial for trial in deadly if trial < count}
-    assert all((each.result is None) == (each.error is not None) for each in found)
+    assert all((each.wall_s is None) == (each.error is not None) for each in found)
     told = r"its worker died: .*; run it alone to see why, by --point 0 --trial \d+, or give fewer --workers if memory"
     assert all(re.match(told, each.error) for each in found if each.error)
 
@@ -190,13 +190,13 @@ def test_a_cluster_that_cannot_run_trials_ends_the_run_and_no_trial_is_blamed(ra
 
 def test_a_chunk_is_half_a_second_of_work_and_trials_that_failed_do_not_make_it_longer() -> None:
     sizer = ChunkSizer()
-    sizer.note([Outcome(0, trial, 0, None, "it raised after minutes", {}) for trial in range(5)])
+    sizer.note([make_outcome(task(trial), None, "it raised after minutes") for trial in range(5)])
     assert sizer.chunk(100_000, 16) == 1
-    sizer.note(outcomes_of_length(CHUNK_S, 1))
+    sizer.note(outcomes_of_length(CHUNK_S, [task(0)]))
     assert sizer.chunk(100_000, 16) == 1
     for wall_s, size in ((0.01, 50), (0.1, 5), (0.4, 1), (30.0, 1)):
         sizer = ChunkSizer()
-        sizer.note(outcomes_of_length(wall_s, 7))
+        sizer.note(outcomes_of_length(wall_s, [task(0)] * 7))
         assert sizer.chunk(100_000, 4) == pytest.approx(size, abs=1)
     assert CHUNK_S == 0.5
 
@@ -205,7 +205,7 @@ def test_a_chunk_is_half_a_second_of_work_and_trials_that_failed_do_not_make_it_
 @given(st.integers(1, 10_000), st.integers(2, 64), st.floats(1e-4, 10))
 def test_no_chunk_is_so_long_that_others_wait_for_it_at_the_end(waiting: int, slots: int, wall_s: float) -> None:
     sizer = ChunkSizer()
-    sizer.note(outcomes_of_length(wall_s, 3))
+    sizer.note(outcomes_of_length(wall_s, [task(0)] * 3))
     size = sizer.chunk(waiting, slots)
     assert 1 <= size <= waiting
     assert size == 1 or size <= waiting / (2 * slots) + 1
@@ -412,7 +412,7 @@ def test_what_was_under_way_when_all_workers_were_lost_is_run_again_and_blamed_f
             if len(opened) < 4 and len(asked) % 3 == 0:
                 future.set_exception(loss())
             else:
-                future.set_result([make_outcome(each, *outcomes_of_length(0.1, 1)[0][3:5]) for each in tasks])
+                future.set_result(outcomes_of_length(0.1, tasks))
             return future
 
     @contextmanager

@@ -1,7 +1,7 @@
 """The work of a worker, and of pilots: new simulations, edits that are noticed, code that crashes or never returns."""
 
 import time
-from itertools import count, product
+from itertools import count, product, repeat
 
 import pytest
 
@@ -12,7 +12,7 @@ from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.sweep import demand, worker
 from epuck_sim.sweep.demand import time_trials
 from epuck_sim.sweep.run import run_sweep
-from epuck_sim.sweep.worker import LIMIT_VARIABLE, Task, Watchdog, out_of_time, run_chunk
+from epuck_sim.sweep.worker import LIMIT_VARIABLE, Task, Watchdog, make_outcome, out_of_time, run_chunk
 from epuck_sim.trial.model import run_trial, simulate
 from tests.cli.commands import called
 from tests.control.bench import with_step, write_soon_after
@@ -53,17 +53,20 @@ def tasks_of(given, trials: int = 4) -> list[Task]:
 
 
 def outcomes(tasks: list[Task]):
-    return [each.result and each.result._replace(wall_s=0.0) for each in run_chunk(tasks)]
+    return [each._replace(wall_s=0.0) for each in run_chunk(tasks)]
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_trials_of_a_chunk_are_those_of_new_simulations(name: str, monkeypatch) -> None:
     monkeypatch.setattr(worker, "_kept", {})
     tasks = tasks_of(SCENARIOS[name])
-    new = [run_trial(simulate(each.scenario, each.seed))._replace(wall_s=0.0) for each in tasks]
+    results = [run_trial(simulate(each.scenario, each.seed))._replace(wall_s=0.0) for each in tasks]
+    new = [*map(make_outcome, tasks, results, repeat(None))]
     made = []
     monkeypatch.setattr(worker, "simulate", lambda *given, **more: made.append(given) or simulate(*given, **more))
     assert outcomes(tasks) == outcomes(tasks[::-1])[::-1] == new
+    plain = {type(None), int, float, str}
+    assert {type(value) for each in new for value in (*each[:-1], *each.provenance)} <= plain  # ready to be stored
     points_made = len({each.point for each in tasks})
     assert len(made) == (2 * len(tasks) if "like" in name else points_made)
 
