@@ -20,12 +20,11 @@ from concurrent.futures import (
     ThreadPoolExecutor,
 )
 from contextlib import AbstractContextManager, contextmanager
-from functools import partial
 from heapq import heappop, heappush
 from itertools import islice
 from multiprocessing import forkserver, resource_tracker
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.store import Outcome
@@ -35,6 +34,7 @@ from epuck_sim.util.messages import whole
 
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
+    from multiprocessing.synchronize import Lock
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables that limit a library to one thread, so that workers do not compete for cores."""
@@ -56,13 +56,6 @@ class Pool(NamedTuple):
 OpenPool = Callable[[], AbstractContextManager[Pool]]
 
 Result = TypeVar("Result")
-
-
-class _Workers(ProcessPoolExecutor):
-    """Processes that Ctrl-C never finds half started."""
-
-    def submit(self, *call: Any, **options: Any) -> Future[Any]:
-        return _uninterrupted(partial(super().submit, *call, **options))
 
 
 def _uninterrupted(start: Callable[[], Result]) -> Result:
@@ -102,8 +95,11 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         if probe.exitcode == 1:  # it imported the script again, which began the sweep, and has said what was wrong
             main = 'below `if __name__ == "__main__":`'
             raise EpuckSimError(f"workers cannot start; a script must be a file, and begin sweeps {main}")
-        executor = _Workers(workers, mp_context=context, initializer=_end_with_parent)
+        hold = context.Lock()
+        executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(hold,))
         try:
+            with hold:  # all start before one works: an executor may hang if a worker dies while another starts
+                _uninterrupted(lambda: [executor.submit(int) for _ in range(workers)])
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
@@ -134,8 +130,8 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _end_with_parent() -> None:
-    """End this worker when its parent ends, even if that was killed."""
+def _begin(hold: "Lock") -> None:
+    """Begin a worker when its parent lets go of a lock; end it when its parent ends, even if that was killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None  # this runs in a child
 
@@ -144,6 +140,8 @@ def _end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=wait_for_parent, daemon=True).start()
+    with hold:
+        pass
 
 
 @contextmanager

@@ -146,22 +146,24 @@ def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
 
 
 CTRL_C_AS_A_WORKER_STARTS = """
-import _thread, os, time
+import _thread, time
 from multiprocessing import forkserver
 from epuck_sim.sweep.scheduler import local_pool
 
-read_process_id = forkserver.read_signed
+read_number, pipes = forkserver.read_signed, []
 
 def interrupted(pipe):
-    _thread.interrupt_main()
-    time.sleep(0.1)  # the main thread reacts before the worker has read what it needs
-    return read_process_id(pipe)
+    pipes.append(pipe)
+    if len(pipes) > 2:  # a first process has begun and ended
+        _thread.interrupt_main()
+        time.sleep(0.1)  # the main thread reacts before the worker has read what it needs
+    return read_number(pipe)
 
 if __name__ == "__main__":
+    forkserver.read_signed = interrupted
     try:
-        with local_pool(1) as pool:
-            forkserver.read_signed = interrupted
-            pool.executor.submit(os.getpid).result()
+        with local_pool(1):
+            pass
     except KeyboardInterrupt:
         print("interrupted")
 """

@@ -269,9 +269,10 @@ def test_workers_load_what_a_simulation_needs_and_run_one_thread_each(tmp_path) 
     assert {environment[name] for name in ONE_THREAD} == {"1"}
 
 
-def test_an_error_in_the_block_ends_the_workers_at_once_and_leaves_the_environment_as_it_was() -> None:
+def test_all_workers_start_before_one_works_and_an_error_in_the_block_ends_them_and_leaves_the_environment() -> None:
     def fail_while_they_sleep() -> None:
         with local_pool(2) as pool:
+            assert len({*multiprocessing.active_children()} - before) == 2  # one that dies finds no other half started
             pool.executor.submit(time.sleep, 600)
             raise RuntimeError("enough")
 
