@@ -16,6 +16,7 @@ from typing import Any
 from epuck_sim import __version__
 from epuck_sim.display.html import write_html
 from epuck_sim.display.table import leaves
+from epuck_sim.errors import ScenarioError
 from epuck_sim.page.agents import agents_facts, agents_settings
 from epuck_sim.page.build import compile_own
 from epuck_sim.page.robots import robots_facts, robots_settings
@@ -86,7 +87,9 @@ def make_page(
     controller: str | Path | None = None,
 ) -> str:
     """Return the page of a scenario; `epuck-sim run` takes `source` with `key=value` settings; "" if there is none."""
-    model: Model = "embodied" if isinstance(scenario, EmbodiedScenario) else "particles"
+    if scenario.model not in LINES:
+        raise ScenarioError(f"{scenario.name}: model: pages run {' and '.join(LINES)} alone; use `epuck-sim run`")
+    model: Model = scenario.model
     options = [("--controller", str(each)) for each in [controller] if each] + [("--set", each) for each in settings]
     data = page_data(scenario, shlex.join([source, *chain.from_iterable(options)]))
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))

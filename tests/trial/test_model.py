@@ -16,6 +16,7 @@ import epuck_sim
 from epuck_sim import ParticleSimulation, Scenario, ScenarioError, Simulation, load_scenario, points, run_trial
 from epuck_sim.errors import StoreError
 from epuck_sim.order_parameter import METRICS, Firing
+from epuck_sim.page.writer import write_page
 from epuck_sim.runs.compatibility import check_same_sweep, stored_point
 from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES, write_scenario
@@ -343,11 +344,22 @@ if multiprocessing.parent_process() is not None:  # a worker, which has to know 
     register_model("dice", MODEL)
 
 
-def test_a_third_model_is_swept_by_worker_processes_stored_and_summarised(tmp_path: Path, monkeypatch) -> None:
-    for table in (SCENARIO_TYPES, MODELS):  # for this test, and no longer: others list the models there are
+@pytest.fixture
+def dice(monkeypatch) -> dict[str, Any]:
+    """Register the model for one test, and no longer, as others list the models there are; return a scenario's keys."""
+    for table in (SCENARIO_TYPES, MODELS):
         monkeypatch.setitem(table, "dice", None)
     register_model("dice", MODEL)
-    sweep = {"name": "dice", "model": "dice", "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
+    return {"name": "dice", "model": "dice"}
+
+
+def test_a_third_model_is_no_page(dice, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="dice: model: pages run embodied and particles alone; use `epuck-sim run`"):
+        write_page(dice, tmp_path / "page.html")
+
+
+def test_a_third_model_is_swept_by_worker_processes_stored_and_summarised(dice, tmp_path: Path) -> None:
+    sweep = {**dice, "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
     progress = epuck_sim.run_sweep(sweep, tmp_path / "run", lambda: local_pool(1))
     assert (progress.stored, progress.failed) == (40, 0)
     stored = epuck_sim.read_points(tmp_path / "run")
