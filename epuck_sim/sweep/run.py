@@ -1,9 +1,11 @@
 """Run a sweep from its scenario into its run folder: missing trials are run, and stored as they end."""
 
 import heapq
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
+from importlib import import_module
 from itertools import repeat, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -75,6 +77,8 @@ def run_sweep(
     all_points = points(loaded)
     check_sweep(all_points)
     step_limit_s()  # raises for a wrong limit here, as workers could not report it as well
+    if os.environ.get("NUMBA_DISABLE_JIT"):  # otherwise workers alone load numba
+        import_module("epuck_sim.util.native")  # raises if numba compiles nothing
     if until is not None:
         until.check(all_points)
         if share not in (None, WHOLE):

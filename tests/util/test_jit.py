@@ -259,12 +259,13 @@ def test_another_numba_is_told_in_a_sentence_with_what_to_install(tmp_path) -> N
         assert said in found.stdout
 
 
-def test_numba_that_is_told_to_compile_nothing_is_refused() -> None:
+def test_numba_that_is_told_to_compile_nothing_is_refused(tmp_path) -> None:
     command, environment = [sys.executable, "-m", "epuck_sim", "run"], os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    for words in (["pair"], ["pair", "--interpret"], ["particles"]):
+    for words in (["pair"], ["pair", "--interpret"], ["particles"], ["pair", "--out", str(tmp_path / "run")]):
         found = subprocess.run([*command, *words], env=environment, capture_output=True, text=True, check=False)
         assert (found.returncode, found.stderr.count("\n")) == (2, 1), found.stderr
         assert found.stderr.startswith("error: NUMBA_DISABLE_JIT is set")
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.fixture
