@@ -13,12 +13,14 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from epuck_sim.arena import floor_levels
 from epuck_sim.arrays import FloatArray
+from epuck_sim.display.arena_svg import LAMP
 from epuck_sim.display.table import leaves
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.labels import format_axis_values, group_labels, short_files
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers import LEGIBLE_SHARE, UNLABELLED
+from epuck_sim.recording.layers import FLOOR_PX, LEGIBLE_SHARE, UNLABELLED
 from epuck_sim.recording.reader import Recorded
 from epuck_sim.recording.rows import Population, population_of
 from epuck_sim.recording.series import phase_lead
@@ -143,6 +145,11 @@ def _robots(
 
 def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: slice) -> None:
     arena = recorded.arena_at(rows.stop - 1)
+    if not arena.floor.is_white:
+        levels, extent = floor_levels(arena, FLOOR_PX), (0, arena.width_cm, 0, arena.height_cm)
+        axes.imshow(levels, cmap="gray", vmin=0, vmax=255, extent=extent)
+    for x, y, *_ in arena.lamps:
+        axes.add_patch(Circle((x, y), arena.lamp_cm, color=LAMP))
     axes.add_patch(Rectangle((0, 0), arena.width_cm, arena.height_cm, fill=False, linewidth=1.5))
     for x, y, radius in arena.circles:
         axes.add_patch(Circle((x, y), radius, facecolor="0.85"))

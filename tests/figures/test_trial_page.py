@@ -16,6 +16,7 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 
 from epuck_sim import epuck, load_scenario, read_recording
 from epuck_sim.arrays import FloatArray
+from epuck_sim.display.arena_svg import LAMP
 from epuck_sim.figures import trial_page
 from epuck_sim.figures.saving import Target, save_figure
 from epuck_sim.figures.trial_page import RED, draw_page, page_title
@@ -218,6 +219,20 @@ def test_walls_and_obstacles_are_drawn_where_they_stand_and_a_cube_alone_is_seen
     settings = ["space.dimensions=3", "agents.count=4", "stop.max_cycles=2"]
     cube, *_ = draw_page(recorded(tmp_path / "t.rrd", load_scenario("particles", settings))).axes
     assert ["a cube seen from above" in arena.get_title() for arena in (cube, pages["agents"][0])] == [True, False]
+
+
+def test_floor_and_lamps_are_drawn_if_there_are_any(tmp_path, pages) -> None:
+    patch = "arena.floor.patches=[{shape: circle, x_cm: 20, y_cm: 10, radius_cm: 5, brightness: 0}]"
+    lit = load_scenario("pair", [patch, "arena.lamps=[{x_cm: 5, y_cm: 30, height_cm: 9}]", "stop.max_time_s=1"])
+    arena, *_ = draw_page(recorded(tmp_path / "t.rrd", lit)).axes
+    (floor,) = arena.get_images()
+    levels = floor.get_array()
+    left, right, bottom, top = floor.get_extent()
+    assert (left, bottom, right, top) == (0, 0, lit.arena.width_cm, lit.arena.height_cm)
+    row, column = (round(share * side) for share, side in zip((1 - 10 / top, 20 / right), levels.shape, strict=True))
+    assert (levels[row, column], levels[0, 0]) == (0, 255)
+    assert [circle.center for circle in arena.patches if to_hex(circle.get_facecolor()) == LAMP] == [(5, 30)]
+    assert not pages["thesis"][0].get_images()
 
 
 @pytest.mark.parametrize(
