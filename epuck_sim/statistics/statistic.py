@@ -386,6 +386,7 @@ class PointSummary(NamedTuple):
     """Limit of cycles of T_sync, or the longest trial where some were censored before this limit; inf for a measure."""
     is_share: bool = False  # whether the mean is the share of trials in which a truth value is true
     unbegun: int = 0  # number of trials that are censored at 0 cycles
+    undetermined: int = 0  # number of further trials without a value of the measure
 
     def record(self) -> dict[str, Any]:
         """Return the point as JSON holds it: each estimate with `_low` and `_high`, null where there is none."""
@@ -423,7 +424,12 @@ class Summaries(list[PointSummary]):
         return {**names, "mean": "", "restricted_mean": every}
 
     def _notes(self) -> list[str]:
-        notes = [] if any(point.trials for point in self) else ["No trial has a value yet."]
+        notes = []
+        if undetermined := sum(point.undetermined for point in self):
+            trials = counted(undetermined, "trial")
+            notes.append(f"Left out: {trials}, whose value is undetermined, or not measured yet.")
+        elif not any(point.trials for point in self):
+            notes.append("No trial has a value yet.")
         if any(point.censored for point in self):
             notes.append(
                 "Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit "
@@ -458,11 +464,11 @@ def summarize(points: Sequence[PointTrials]) -> Summaries:
 
 
 def _summarize_point(point: PointTrials) -> PointSummary:
-    measured = measure(point)
+    measured, undetermined = measure(point), sum(value is None for value in point.measured)
     if not len(measured.values):
         nothing = dict.fromkeys(SUMMARIES, UNDETERMINED)
-        return PointSummary(point.number, point.axes, 0, 0.0, nothing, measured.limit)
+        return PointSummary(point.number, point.axes, 0, 0.0, nothing, measured.limit, undetermined=undetermined)
     estimates = {name: of(measured) for name, of in SUMMARIES.items()}
     head = point.number, point.axes, len(measured.values), measured.censored
     unbegun = int(np.count_nonzero(measured.values[~measured.observed] == 0))
-    return PointSummary(*head, estimates, measured.horizon, measured.is_share, unbegun)
+    return PointSummary(*head, estimates, measured.horizon, measured.is_share, unbegun, undetermined)

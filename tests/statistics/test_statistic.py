@@ -336,6 +336,14 @@ def test_statistics_of_a_measure_are_those_of_the_sample_of_truth_values_shares_
     assert not of_measure(True, 0.5).is_share
 
 
+@pytest.mark.parametrize("values", [(None, None), (1.0, None, 2.0, None)])
+def test_trials_without_a_value_are_left_out_and_counted(values) -> None:
+    (point,) = in_memory(sweep(None), lambda _: ended([5]))
+    table = summaries_of([point._replace(measured=values, of="mine")]).table()
+    assert "Left out: 2 trials, whose value is undetermined, or not measured yet." in table.notes
+    assert "No trial has a value yet." not in table.notes
+
+
 def test_json_has_all_fields_of_each_point_and_the_table_a_row_that_says_what_its_columns_are(folder, tmp_path):
     stdout = called("summarize", folder, "--json")
     read = json.loads(stdout, parse_constant=pytest.fail)
