@@ -158,7 +158,9 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
         camera = VirtualCamera(section, arena, seed, scenario.robot_kinds, through, largest_cm(scenario))
     except EpuckSimError as error:
         raise FilmError(f"{scenario.name}: {error}") from error
-    described = describe_film(scenario, seed) | ({} if lens is None else {"overhead": None})
+    described = describe_film(scenario, seed)
+    if through is not None:
+        described |= {"overhead": None, "lens": through._asdict()}
     with film_file(path, *size, described, scenario.name) as writer:
         captions = Captions(section.lit_start_s) if section.light == "lit" else None  # these films are for people
 

@@ -1,5 +1,6 @@
 """A trial that runs and its recording give the same film, whose pictures are as the camera model has them."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.overhead import filming, render
 from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
-from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Frame
+from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Frame, LensFile, save_lens, simple_lens
 from epuck_sim.overhead.filming import SAMPLES, Captions, VirtualCamera, film_recording, film_trial
 from epuck_sim.overhead.render import ArenaView, ExposureSample, dimming
 from epuck_sim.overhead.track import track_film
@@ -165,6 +166,15 @@ def test_a_trial_and_its_recording_have_the_same_captions_in_the_light_alone(tmp
     assert live == written
     assert len(live) == (len(frames_and_description(tmp_path / "t.mp4")[0]) if light == "lit" else 0)
     assert any("order parameter" in text for text in live) == (light == "lit")
+
+
+def test_a_film_through_a_lens_of_a_file_describes_that_lens(tmp_path) -> None:
+    film_and_record(tmp_path, load(overhead={"width_px": 160, "height_px": 160}))
+    lens = simple_lens(160, 160, 150.0, 0.01)
+    save_lens(tmp_path / "lens.json", LensFile(width_px=160, height_px=160, **lens._asdict()))
+    film_recording(tmp_path / "t.rrd", [], tmp_path / "l.mp4", passed, tmp_path / "lens.json")
+    _, described = frames_and_description(tmp_path / "l.mp4")
+    assert (described["overhead"], described["lens"]) == (None, json.loads(json.dumps(lens._asdict())))
 
 
 STILL = np.array([[30.0, 30.0, 0.0]])
