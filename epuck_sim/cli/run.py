@@ -229,7 +229,7 @@ def announce(address: str) -> None:
 def status(folders: options.FoldersArgument, as_json: options.JsonOption = False) -> None:
     """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it.
 
-    For several folders, such as the shares of a sweep, print a line for each, and their sum; as JSON, a list.
+    For several folders print a line for each, and the sum of those of one sweep, such as its shares; as JSON, a list.
     """
     from epuck_sim.cli.tables import print_status, print_statuses
     from epuck_sim.runs.reader import read_status

@@ -277,6 +277,7 @@ class Status(NamedTuple):
     unmeasured: int = 0  # number of stored trials that lack a measure which was added later
     share: str | None = None  # share of the sweep that the folder is for, as 3/40; None for the whole sweep
     at_limit: Sequence[PointAtLimit] = ()  # points whose trials, `FEW_TRIALS` or more of them, are all censored
+    axes: Sequence[str] = ()  # keys of the sweep's axes
 
 
 def read_status(folder: Path) -> Status:
@@ -284,7 +285,7 @@ def read_status(folder: Path) -> Status:
     with reading(folder) as connection:
         share = read_share(connection)
         points = connection.execute("SELECT number, trials FROM points ORDER BY number").fetchall()
-        (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
+        scenario, axes = connection.execute("SELECT scenario, axes FROM points ORDER BY number LIMIT 1").fetchone()
         first = connection.execute(f"SELECT {_ORIGIN} FROM trials LIMIT 1").fetchone() or ("",) * len(PROVENANCE)
         trials, censored, wall_s, like_first = connection.execute(
             f"SELECT count(*), sum(censored), total(wall_s), ifnull(sum({_LIKE_FIRST}), 0) FROM trials", first
@@ -323,6 +324,7 @@ def read_status(folder: Path) -> Status:
         unmeasured=unmeasured,
         share=None if share == WHOLE else str(share),
         at_limit=points_at_limit,
+        axes=tuple(json.loads(axes)),
     )
 
 
