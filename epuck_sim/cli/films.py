@@ -333,7 +333,7 @@ def compare_film(
         print_stderr(f"warning: the film shows {shown} robots, {loaded.name} has {count}")
     rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
     fitted = compare.fitted_values(loaded, track, found)
-    print_comparison(film, loaded.name, rows, fitted, as_json=as_json)
+    print_comparison(track, loaded.name, rows, fitted, as_json=as_json)
     if fit is not None:
         compare.save_fitted(fit, loaded, fitted, film)
     if plot is not None:

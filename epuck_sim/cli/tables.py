@@ -230,7 +230,7 @@ UNTOLD = (
 
 
 def print_comparison(
-    film: str,
+    track: "Track",
     scenario: str,
     rows: "Sequence[QuantityComparison]",
     fitted: Mapping[str, Estimate],
@@ -258,12 +258,12 @@ def print_comparison(
             }
             for row in rows
         ]
-        found = {"film": film, "scenario": scenario, "verdict": verdict, "quantities": quantities, "fitted": fitted}
-        print_json(found)
+        head = {"film": track.film, "scenario": scenario, "period_s": track.period_s, "verdict": verdict}
+        print_json({**head, "quantities": quantities, "fitted": fitted})
         return
     print(f"{verdict.sentence[0].upper()}{verdict.sentence[1:]}.\n")
     headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile"}
-    title = f"{film} beside trials of {scenario}"
+    title = f"{track.film}, with a period of {track.period_s:.4g} s, beside trials of {scenario}"
     shown = [Row({}, _cells_of_quantity(row)) for row in rows if not math.isnan(row.film)]
     compared = Table(title, shown, (), headings)
     values = [Row({}, {"key": key, "value": each}) for key, each in fitted.items()]

@@ -107,7 +107,7 @@ def test_a_film_is_shown_beside_trials_and_fitted(film, here) -> None:
     result = call(*words, "--json", "--plot", "b.png", "--fit", "lab.yaml")
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)
-    assert (found["film"], found["scenario"]) == (str(film), "thesis")
+    assert (found["film"], found["scenario"], found["period_s"]) == (str(film), "thesis", 2)
     quantities = {each["name"]: each for each in found["quantities"]}
     speed = quantities["speed straight ahead"]
     assert speed["film"] == pytest.approx(1.5, rel=0.06)
@@ -128,6 +128,7 @@ def test_a_film_is_shown_beside_trials_and_fitted(film, here) -> None:
     printed = call(*words).stdout
     too_few = "3 trials are too few to tell whether the film is like them; give --trials 19 or more.\n\n"
     assert printed.startswith(too_few)
+    assert f"{film}, with a period of 2 s, beside trials of thesis" in printed
     assert all(said in printed for said in ("speed straight ahead", "A film does not show coupling", "wheels' noise"))
     assert "commands" not in called("run", "lab.yaml", "--set", "stop.max_cycles=2", "--json")
 

@@ -39,7 +39,7 @@ def test_the_percentile_counts_trials_with_smaller_values_and_beyond_the_end_of_
     assert math.isnan(compared(math.nan, [1, 2]).percentile)
     assert math.isnan(compared(1.0, [math.nan]).percentile)
     unknown = compared(math.nan, [3.0, 4.0, 5.0])._replace(name="clocks")
-    print_comparison("film", "thesis", [compared(math.inf, [3.0, math.inf, math.inf]), unknown], {})
+    print_comparison(TRACK, "thesis", [compared(math.inf, [3.0, math.inf, math.inf]), unknown], {})
     told = capsys.readouterr().out
     assert "beyond [3, beyond]" in told
     assert "clocks" not in told
