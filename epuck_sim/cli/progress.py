@@ -5,13 +5,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
-from epuck_sim.cli.errors import print_stderr
+from epuck_sim.cli.errors import print_stderr, word_if_slow
 from epuck_sim.display.html import in_words
 from epuck_sim.util.messages import counted
 
@@ -224,7 +225,8 @@ def _passed(
 ) -> Iterator[_Item]:
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(said))
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    note = nullcontext() if console.is_terminal else word_if_slow(doing)
+    with note, Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(doing, total=total)
         for each in items:
             progress.update(task, completed=completed(each))

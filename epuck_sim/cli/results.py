@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first
+from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first, word_if_slow
 from epuck_sim.cli.options import argument, looks_option, option
 from epuck_sim.statistics import Statistic
 from epuck_sim.util.messages import counted
@@ -159,7 +159,8 @@ def compare(
         samples = match_points(read, names, [[*map(int, text.split(","))] for text in points])
     else:
         samples = match_folders(read, names)
-    compared = compare_samples(samples, with_first=with_first)
+    with word_if_slow("comparing"):
+        compared = compare_samples(samples, with_first=with_first)
     found = compared[0] if len(samples.names) == 2 else compared
     show(comparison_tables(compared, read[0]), found, as_json=as_json, as_csv=as_csv)
 

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+import time
 from contextlib import nullcontext
 from functools import partial
 from itertools import islice
@@ -21,6 +22,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from epuck_sim import Simulation, film_trial, load_scenario, read_recording
+from epuck_sim.cli import errors
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli.films import parse_arena, parse_corners
 from epuck_sim.cli.progress import progress_bar
@@ -346,12 +348,15 @@ def test_t_sync_comes_first_the_table_fits_a_screen_and_the_name_of_a_film_is_no
 @pytest.mark.parametrize("is_terminal", [True, False])
 def test_frames_are_passed_on_as_they_come(is_terminal: bool, monkeypatch, capsys) -> None:
     monkeypatch.setattr(progress_module, "Console", partial(Console, force_terminal=is_terminal))
+    monkeypatch.setattr(errors, "SLOW_S", 0.05)
     film = [Frame(number / 2, np.zeros((2, 2, 3), np.uint8)) for number in range(5)]
     frames = iter(film)
     passed = progress_bar("tracking")(frames, 2.0)
     assert next(iter(passed)) is film[0]
     assert next(frames) is film[1]  # one at a time
+    time.sleep(0.3)
     assert list(passed) == film[2:]
     shown = capsys.readouterr()
     assert shown.out == ""
-    assert ("tracking" in shown.err) == ("2 s of film" in shown.err) == is_terminal
+    assert ("2 s of film" in shown.err) == is_terminal
+    assert ("tracking takes a while; Ctrl-C ends it" in shown.err) == (not is_terminal)
