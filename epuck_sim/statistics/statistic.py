@@ -426,8 +426,7 @@ class Summaries(list[PointSummary]):
     def _notes(self) -> list[str]:
         notes = []
         if undetermined := sum(point.undetermined for point in self):
-            trials = counted(undetermined, "trial")
-            notes.append(f"Left out: {trials}, whose value is undetermined, or not measured yet.")
+            notes.append(f"Left out: {counted(undetermined, 'trial')}, undetermined or not measured yet.")
         elif not any(point.trials for point in self):
             notes.append("No trial has a value yet.")
         if any(point.censored for point in self):

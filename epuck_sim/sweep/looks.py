@@ -55,8 +55,7 @@ class Looks:
         """Raise EpuckSimError for a sweep without T_sync, with too low a limit of trials, or without the contrast."""
         scenario = points[0].scenario
         if not all(point.scenario.stop.has_t_sync for point in points):
-            said = "stop.order_parameter is null; give it, or a condition stop.when and stop.gives_t_sync=true"
-            raise EpuckSimError(f"--until needs T_sync, which trials do not have: {said}")
+            raise EpuckSimError("--until needs T_sync: give stop.order_parameter, or stop.when with stop.gives_t_sync")
         if scenario.trials < FIRST_LOOK:
             raise EpuckSimError(
                 f"trials is {scenario.trials}, the most that --until may run at a point; allowed: "

@@ -340,7 +340,7 @@ def test_statistics_of_a_measure_are_those_of_the_sample_of_truth_values_shares_
 def test_trials_without_a_value_are_left_out_and_counted(values) -> None:
     (point,) = in_memory(sweep(None), lambda _: ended([5]))
     table = summaries_of([point._replace(measured=values, of="mine")]).table()
-    assert "Left out: 2 trials, whose value is undetermined, or not measured yet." in table.notes
+    assert "Left out: 2 trials, undetermined or not measured yet." in table.notes
     assert "No trial has a value yet." not in table.notes
 
 
