@@ -1,15 +1,20 @@
 """Names and descriptions of what comes with the package, and of what installed packages offer."""
 
 import ast
+import json
+import re
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from inspect import getsource
 from pathlib import Path
+from typing import Any
 
 from epuck_sim.cli.tables import terminal_width
 from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.measures.measure import MEASURE, find_measure
-from epuck_sim.scenario.loader import SCENARIO
+from epuck_sim.scenario.base import ConfigModel, section_classes
+from epuck_sim.scenario.loader import SCENARIO, SCENARIO_TYPES
 from epuck_sim.scenario.particles import CURVE
 from epuck_sim.scenario.robot_kind import ROBOT
 from epuck_sim.scenario.yaml_io import read_yaml
@@ -35,6 +40,15 @@ def list_names() -> dict[str, dict[str, str]]:
 def list_measures() -> dict[str, dict[str, str]]:
     """Return the names and descriptions of the measures, as one kind."""
     return {"measures": _describe(MEASURE, MEASURE.offers, _of_measure)}
+
+
+def list_keys(ending: str) -> dict[str, dict[str, str]]:
+    """Return sentence, type and default of keys with this ending, or in this section, by model; N: place in a list."""
+    part = re.sub(r"\b\d+\b", "N", ending)
+    found = {f"model: {name}": dict(_keys(model, f".{part}.")) for name, model in SCENARIO_TYPES.items()}
+    if not any(found.values()):
+        raise ScenarioError(f"{ending}: no section of scenarios has it; parameters: `list`, `list --measures`")
+    return {model: keys for model, keys in found.items() if keys}
 
 
 def print_descriptions(kinds: Mapping[str, Mapping[str, str]]) -> None:
@@ -83,3 +97,29 @@ def _of_measure(place: Place) -> str:
 def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:
     listed = ", ".join(f"{key}: {default}" for key, default in parameters.items())
     return f"{doc} {{{listed}}}" if listed else doc
+
+
+TYPES = {"integer": "whole number", "string": "text", "boolean": "true or false", "array": "list", "object": "mapping"}
+LIMITS = {"ge": "from", "gt": "above", "le": "to", "lt": "below"}  # words for these, as for types, in JSON schemas
+
+
+def _keys(section: type[ConfigModel], part: str, above: str = "") -> Iterator[tuple[str, str]]:
+    """Yield each dotted key in a section that has `part`, and its docstring, type and default."""
+    source = "".join(getsource(each) for each in section.__mro__ if issubclass(each, ConfigModel))
+    for name, value in section.model_json_schema()["properties"].items():
+        key, inner = f"{above}{name}", section_classes(section.model_fields[name].annotation)
+        for each in inner:
+            yield from _keys(each, part, f"{key}{'.N' * (value.get('type') == 'array')}.")
+        doc = re.search(rf'^    {name}: (?:(?!^    \w).)*?^    """(.*?)"""', source, re.M | re.S)
+        if doc and not inner and part in f".{key}.":
+            default = f"; default: {json.dumps(value['default'])}" if "default" in value else ""
+            yield key, f"{' '.join(doc[1].split())} ({_allowed(value)}{default})"
+
+
+def _allowed(value: Mapping[str, Any]) -> str:
+    """Return in words what a JSON schema allows."""
+    choices = value.get("enum") or [_allowed(each) for each in value.get("anyOf", ())]
+    if choices:
+        return " or ".join(choices)
+    limits = [f"{word} {value[name]:,.12g}" for name, word in LIMITS.items() if name in value]
+    return " ".join([TYPES.get(value["type"], value["type"]), *limits])

@@ -53,13 +53,15 @@ def check(
 
 @scenarios.command("list")
 def list_shipped(
+    key: Annotated[str | None, argument("KEY", "Say instead what this key of scenarios is and may be.")] = None,
     measures: Annotated[bool, option("--measures", "List measures of trials, and their parameters.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """List scenarios, sweeps and controllers, or measures: those of epuck-sim, and those of installed packages."""
-    from epuck_sim.cli.listing import list_measures, list_names, print_descriptions
+    from epuck_sim.cli.listing import list_keys, list_measures, list_names, print_descriptions
 
-    listed = list_measures() if measures else list_names()
+    reject_first((key is not None and measures, "--measures and KEY exclude each other"))
+    listed = list_keys(key) if key is not None else list_measures() if measures else list_names()
     if as_json:
         print(json.dumps(listed, ensure_ascii=False, indent=2))
     else:

@@ -52,6 +52,19 @@ def test_lists_are_also_json() -> None:
     assert read("list", "--measures") == list_measures()
 
 
+def test_a_key_is_explained_by_its_ending_or_section() -> None:
+    (count,) = read("list", "robots.0.count")["model: embodied"].items()
+    assert count[0] == "robots.N.count"
+    assert count[1].startswith("Number of robots in the group, ")
+    assert count[1].endswith(" (whole number from 0 to 100,000; default: 10)")
+    for model, default in (("embodied", 10_000), ("particles", 10_000_000)):
+        explained = read("list", "stop")[f"model: {model}"]
+        assert explained["stop.max_cycles"].endswith(f"(whole number from 1 to 1,000,000,000; default: {default})")
+        assert explained["stop.metric"].endswith('; `reference`: eq. 3.4. (complex or reference; default: "complex")')
+        assert explained["stop.order_parameter"].partition("(number above 0 to 1 or null; default: 0.9")[1]
+    assert called("list", "agents.speed_cm_s").splitlines()[0] == "model: particles"
+
+
 def test_shells_complete_names_and_options() -> None:
     for typed, completed in {
         "epuck-sim run the": ["thesis"],
