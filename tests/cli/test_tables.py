@@ -133,7 +133,7 @@ def test_the_status_tells_what_made_trials_who_is_at_work_and_the_first_failures
     assert [TrialsByOrigin(**each) for each in read["versions"]] == given.versions
     assert {*read["versions"][0]} == {*PROVENANCE, "trials"}
     assert read["at_limit"] == [{"point": 3, "axes": {"coupling": 0.1}, "trials": 20}]
-    lists = {"failed": None, "versions": None, "at_limit": None}
+    lists = {"failed": None, "versions": None, "at_limit": None, "axes": None}
     assert {**read, **lists} == {**given._asdict(), **lists}
 
 
