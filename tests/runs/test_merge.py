@@ -20,21 +20,8 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.run import run_sweep
 from tests.cli.commands import call, called, contents, refused
 from tests.control.bench import write_soon_after
-from tests.runs.made_folders import (
-    COUNT,
-    DATABASE,
-    DEMO,
-    MINE,
-    SPEED,
-    edit,
-    ended,
-    fill,
-    outcome,
-    scenario_of,
-    store,
-    stored,
-    sweep,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import COUNT, DATABASE, DEMO, MINE, edit, fill, outcome, scenario_of, stored
 from tests.sweep.pool_here import pool_here
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
@@ -184,7 +171,8 @@ def test_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:
     ]
     assert f"demo: share 1/4, 6 points, {counts[0]} of {trials[0]} trials" in called("status", folders[0])
     assert called("status", *folders, "--json").count('"folder"') == 3
-    other = store(tmp_path / "other", sweep({SPEED: [2]}), lambda _: ended([5]))
+    speeds = made_folders.sweep({made_folders.SPEED: [2]})
+    other = made_folders.store(tmp_path / "other", speeds, lambda _: made_folders.ended([5]))
     assert len(called("status", *folders, other).splitlines()) == 4  # no sum of several sweeps
     merge_folders(folders, tmp_path / "merged")
     assert "together" not in called("status", *folders, tmp_path / "merged")
