@@ -68,6 +68,7 @@ def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -
         wall_s=0.75,
         versions=[TrialsByOrigin(**MADE_BY, trials=4)],
         at_work=None,
+        axes=(COUNT, SPEED),
     )
 
 
