@@ -23,7 +23,7 @@ from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictur
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.radio import receive_pulses
-from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, Swarm, copy_array, swarm_at
+from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, PIXELS, Swarm, copy_array, swarm_at
 from epuck_sim.embodied.user_code import OwnSensor
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
@@ -316,6 +316,7 @@ class Stretch(NamedTuple):
     wheels_cm_s: FloatArray  # (steps, robots, 2) cm/s: left and right wheel as commanded
     ring_on: BoolArray  # (steps, robots): whether the ring is lit
     ring_before: BoolArray  # (steps, robots): whether it was lit before controllers acted, as others see it
+    flash_seen: BoolArray  # (steps, robots): whether the robot sees a flash, as `Step.flash_seen`
     present: BoolArray  # (robots,): whether each robot is in the arena
     scene: Scene  # the arena and its robots, for observers
 
@@ -344,8 +345,13 @@ def record_steps(
     wheels_cm_s: FloatArray,
     ring_on: BoolArray,
     ring_before: BoolArray,
+    flash_seen: BoolArray,
+    places: IntArray,
 ) -> int:
-    """Take control steps until the reference fires, as `take_steps` does, and write each to arrays as in `Stretch`."""
+    """Take control steps until the reference fires, as `take_steps` does, and write each to arrays as in `Stretch`.
+
+    A robot sees a flash if not all bytes of the block are 0 between its `places`, (robots, 2) first and end.
+    """
     robots = swarm_at(block).robots
     outcome = DONE
     for step in range(steps):
@@ -357,6 +363,7 @@ def record_steps(
             poses[step, number, 0], poses[step, number, 1], poses[step, number, 2] = robot.x, robot.y, robot.heading
             wheels_cm_s[step, number, 0], wheels_cm_s[step, number, 1] = robot.left_cm_s, robot.right_cm_s
             ring_on[step, number], ring_before[step, number] = robot.ring_on, robot.ring_before
+            flash_seen[step, number] = block[places[number, 0] : places[number, 1]].any()
         if outcome == FIRED:
             break
     return outcome
@@ -372,8 +379,9 @@ class History:
         robots = len(swarm.robots)
         self._arrays: tuple[Any, ...] = (
             *(np.zeros((MOST_STEPS, robots, columns)) for columns in (3, 2)),
-            *(np.zeros((MOST_STEPS, robots), np.bool_) for _ in range(2)),
+            *(np.zeros((MOST_STEPS, robots), np.bool_) for _ in range(3)),
         )
+        self._places = np.concatenate([flash_places(swarm, group, loop.functions) for group in swarm.groups])
         record: Any = record_steps
         in_python = {"take_steps": loop.take_steps, "swarm_at": lambda _: swarm}
         self._record = record if loop.is_compiled else bind(record.function, **in_python)
@@ -382,7 +390,7 @@ class History:
 
     def take(self, steps: int) -> int:
         """Take up to this number of steps, as `record_steps` does."""
-        return int(self._record(self._block, self._loop.addresses, steps, *self._arrays))
+        return int(self._record(self._block, self._loop.addresses, steps, *self._arrays, self._places))
 
     def stretch(self, first: int, steps: int, arena: Arena) -> Stretch:
         """Return the steps just taken: this number of them, from step `first` on, in this arena."""
@@ -392,8 +400,15 @@ class History:
         if arena.first_movable < len(arena.circles):
             circles = scene.swarm.circles
             circles["x"], circles["y"], circles["radius"] = arena.circles.T
-        poses, wheels, ring_on, ring_before = (each[:steps] for each in self._arrays)
-        return Stretch(first, poses, wheels, ring_on, ring_before, self._present, scene)
+        return Stretch._make((first, *(each[:steps] for each in self._arrays), self._present, scene))
+
+
+def flash_places(swarm: Swarm, group: Any, functions: Mapping[int, Any]) -> IntArray:
+    """Return (robots, 2) first and end, in the block, of `flash_seen` in a group's memories, or else of its pixels."""
+    field = functions[group.controller].controller.memory.fields.get("flash_seen")
+    row = swarm.scene[0].at[PIXELS] + 8 * group.row, 8 * group.pixels, 8 * group.pixels
+    first, apart, length = (group.memory + field[1], group.memory_bytes, 8) if field else row
+    return np.asarray((first + apart * np.arange(group.count))[:, None] + [0, length])
 
 
 # --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------

@@ -84,7 +84,7 @@ class Step(NamedTuple):
     def flash_seen(self) -> BoolArray:
         """(robots,): whether a robot sees a flash: as its controller decides, or else whether any pixel is red."""
         decided = memory_values(self.memories, "flash_seen")
-        return np.where(np.isnan(decided), self.camera.any(axis=1), decided > 0)
+        return np.where(np.isnan(decided), self.camera.any(axis=1), decided != 0)
 
     @property
     def sightings(self) -> IntArray:

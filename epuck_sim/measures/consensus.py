@@ -7,13 +7,12 @@ forgets all others, and one that does not adds it: the variant in which only hea
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray
-from epuck_sim.measures.common import Series, allowed, check_sight, one_of, rows_of_steps
+from epuck_sim.arrays import IntArray
+from epuck_sim.measures.common import Series, allowed, check_sight, one_of
 from epuck_sim.particles.simulation import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
@@ -33,9 +32,10 @@ class _Talk(Series):
         super().__post_init__()
         population = int(self.simulation.scenario.population)
         self._random = np.random.default_rng([self.simulation.seed, STREAM])
-        self.knows: BoolArray = np.eye(population, dtype=bool)  # whether [robot or agent] knows [word]
-        self._heard: BoolArray = np.zeros((population, population), bool)  # [sender, hearer] of flashes that are seen
-        self._speakers: dict[int, int] = {}  # senders whose flash is seen, and the word that it carries
+        self.knows = [{word} for word in range(population)]  # the words that each robot or agent knows
+        self._dark: IntArray = np.zeros(population, np.int64)  # steps in which each ring was dark: tells flashes apart
+        # by sender, its last flash that was seen: dark steps before it, the word that it carries, and who heard it
+        self._flashes: dict[int, tuple[int, int, set[int]]] = {}
         self._agreed: int | None = None  # the first cycle in which all agree
         self._cycles = 0
 
@@ -51,39 +51,35 @@ class _Talk(Series):
     @property
     def words(self) -> int:
         """Number of different words that the swarm knows."""
-        return int(self.knows.any(axis=0).sum())
+        return len(set[int]().union(*self.knows))
 
     def say(self, speaker: int) -> int:
         """Return one of the words that the speaker knows, drawn at random."""
-        known = np.flatnonzero(self.knows[speaker])
-        return int(known[self._random.integers(len(known))])
+        known = sorted(self.knows[speaker])
+        return known[self._random.integers(len(known))]
 
     def hear(self, hearer: int, word: int) -> None:
         """Update the words that a hearer knows."""
-        if self.rule == "voter" or self.knows[hearer, word]:
-            self.knows[hearer] = False
-        self.knows[hearer, word] = True
+        if self.rule == "voter" or word in self.knows[hearer]:
+            self.knows[hearer].clear()
+        self.knows[hearer].add(word)
 
     def stretch(self, stretch: Any, state: Any) -> None:
-        sightings = stretch.sightings
-        for step, (begin, end) in enumerate(pairwise(rows_of_steps(sightings, stretch).tolist())):
-            if end > begin:
-                self._hear_flashes(sightings[begin:end, 1:].tolist())
-                # the reference fires in a stretch's last step
-                self._note(state.cycles if step + 1 == len(stretch.poses) else self._cycles)
-            if self._speakers:  # a step sees the rings that were lit in the step before
-                for speaker in [speaker for speaker in self._speakers if not stretch.ring_on[step, speaker]]:
-                    self._heard[speaker] = False
-                    del self._speakers[speaker]
-        self._cycles = state.cycles
-
-    def _hear_flashes(self, sightings: list[list[int]]) -> None:
-        for hearer, speaker in sightings:
-            if not self._heard[speaker, hearer]:
-                if speaker not in self._speakers:
-                    self._speakers[speaker] = self.say(speaker)
-                self._heard[speaker, hearer] = True
-                self.hear(hearer, self._speakers[speaker])
+        dark = self._dark + np.cumsum(~stretch.ring_before, axis=0)
+        step, hearers, speakers = stretch.sightings.T
+        heard = np.array([hearers, speakers, dark[step, speakers]])
+        last = np.searchsorted(step, len(dark) - 1)  # first row of the last step, in which the reference may fire
+        for rows, cycles in ((heard[:, :last], self._cycles), (heard[:, last:], state.cycles)):
+            for hearer, speaker, flash in zip(*rows.tolist(), strict=True):
+                if self._flashes.get(speaker, (-1,))[0] != flash:
+                    self._flashes[speaker] = flash, self.say(speaker), set()
+                _, word, told = self._flashes[speaker]
+                if hearer not in told:
+                    told.add(hearer)
+                    self.hear(hearer, word)
+            if rows.size:
+                self._note(cycles)
+        self._dark, self._cycles = dark[-1], state.cycles
 
     def _note(self, cycles: int) -> None:
         if self._agreed is None and self.words == 1:

@@ -24,13 +24,13 @@ class FlashesSeen(Share):
     MODELS = ("embodied",)
 
     def __post_init__(self) -> None:
-        self._is_seen = np.zeros(len(self.simulation.period_ms), np.bool_)
+        self._last: BoolArray = np.zeros((1, len(self.simulation.period_ms)), np.bool_)
 
-    def step(self, step: Any, state: Any) -> None:
-        is_seen = step.flash_seen
-        self._part += int(np.count_nonzero(is_seen & ~self._is_seen))
-        self._is_seen = is_seen
-        self._whole = len(is_seen) * state.cycles
+    def stretch(self, stretch: Any, state: Any) -> None:
+        is_seen = np.concatenate([self._last, stretch.flash_seen])
+        self._part += int(np.count_nonzero(is_seen[1:] & ~is_seen[:-1]))
+        self._last = is_seen[-1:]
+        self._whole = is_seen.shape[1] * state.cycles
 
 
 class _FlashViews(Shipped):

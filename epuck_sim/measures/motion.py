@@ -9,6 +9,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.measures.common import ABOVE_0, Series, Share, Shipped, allowed, share, up_to
+from epuck_sim.util.jit import jit
 
 
 def check_walls(scenario: Any, _: Any) -> None:
@@ -110,11 +111,7 @@ class VelocityCorrelationTime(_Moves):
         latest = moves.reshape(len(moves), -1)
         known = np.concatenate([self._last, latest]) if len(self._last) else latest
         products = known @ known[len(known) - len(moves) :].T
-        for place in range(len(moves)):
-            at = len(known) - len(moves) + place
-            first = max(0, at - self.lags)
-            self._sums[: at - first + 1] += products[first : at + 1, place][::-1]
-            self._terms[: at - first + 1] += 1
+        add_products(self._sums, self._terms, products)
         self._last = known[-self.lags :]
 
     def value(self) -> float | None:
@@ -123,6 +120,17 @@ class VelocityCorrelationTime(_Moves):
         cycle_s = (self._last_s - self._first_s) / max(self._terms[0] - 1, 1)  # pulses shorten cycles
         interval_s = self.simulation.step_s if self.has_bodies else float(cycle_s)
         return correlation_time(self._sums[known] / self._terms[known], interval_s)
+
+
+@jit
+def add_products(sums: FloatArray, terms: FloatArray, products: FloatArray) -> None:
+    """Add (known, k) products of velocities with the last k of them to `sums`, by lag, and their numbers to `terms`."""
+    known, latest = products.shape
+    for place in range(latest):
+        at = known - latest + place
+        for lag in range(min(at + 1, len(sums))):
+            sums[lag] += products[at - lag, place]
+            terms[lag] += 1.0
 
 
 def correlation_time(correlation: FloatArray, interval_s: float) -> float | None:

@@ -59,7 +59,7 @@ def counted(number: int, what: str) -> str:
 
 def whole(name: str, value: object, least: int = 1) -> int:
     """Return a whole number of Python or numpy as an int; raise ValueError if it is not whole or below `least`."""
-    if not isinstance(value, Integral) or value < least:
+    if not isinstance(value, (int, Integral)) or value < least:  # a plain int is found at once
         raise ValueError(f"{name} is {value!r}; allowed: whole numbers from {least}")
     return int(value)
 

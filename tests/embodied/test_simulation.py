@@ -176,6 +176,7 @@ def test_a_robot_judges_a_flash_by_any_red_pixel_unless_its_controller_does():
     np.testing.assert_array_equal(second.flash_seen, second.camera.any(axis=1))
     assert second.flash_seen[0]
     assert not second.flash_seen.all()
+    np.testing.assert_array_equal(Simulation("spotlight").stretch(2).flash_seen, [first.flash_seen, second.flash_seen])
     watcher = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0, "flash_pixels": 61}}
     step = Simulation({"robots": [watcher, LAMP], "noise": "off"}, 1).advance(2)
     assert step.camera[0].any()
