@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, Series, Share, Shipped, allowed, share
+from epuck_sim.measures.common import ABOVE_0, BELOW_HALF_A_CYCLE, Series, Share, Shipped, allowed, share
 from epuck_sim.order_parameter import METRICS, from_reference
 from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.robots import members
@@ -84,15 +84,18 @@ class ThresholdCycles(Shipped):
 
 @dataclass
 class BelowThreshold(Share):
-    """Share of the cycles with an order parameter below `threshold`, among those after it was first reached."""
+    """Share of cycles with an order parameter below `threshold`, among those after it was reached `from_cycle` on."""
 
     threshold: float = 0.95
-    check = staticmethod(allowed(threshold=(lambda threshold: 0 < threshold <= 1, "above 0 and up to 1")))
+    from_cycle: int = 1
+    check = staticmethod(
+        allowed(threshold=(lambda threshold: 0 < threshold <= 1, "above 0 and up to 1"), from_cycle=ABOVE_0)
+    )
     _is_reached = False
 
     def cycle(self, _: Any, state: Any) -> None:
         order = state.order_parameter
-        if order is None:
+        if order is None or state.cycles < self.from_cycle:
             return
         if self._is_reached:
             self._whole += 1
@@ -101,7 +104,7 @@ class BelowThreshold(Share):
 
 
 class StaysAbove(BelowThreshold):
-    """Whether the order parameter is never below `threshold` again after it first reached it."""
+    """Whether the order parameter is never below `threshold` again after it was at it, `from_cycle` or later."""
 
     def value(self) -> bool | None:
         """Return whether it is; None if the threshold was not reached, or at the last cycle only."""

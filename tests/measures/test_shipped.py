@@ -182,17 +182,18 @@ def told(measure, series):
     return measure.value()
 
 
-@given(st.lists(st.sampled_from([0.2, 0.5, 0.8, 0.95, 1.0]), max_size=12))
-def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them_and_later_ones_are_above_or_not(series):
+@given(st.lists(st.sampled_from([0.2, 0.5, 0.8, 0.95, 1.0]), max_size=12), st.integers(1, 13))
+def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them_and_later_ones_are_above_or_not(series, begin):
     def reached(threshold):
         return next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None)
 
     assert told(synchrony.ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), series) == [*map(reached, (0.9, 0.5, 0.9))]
-    first = next((place for place, order in enumerate(series) if order >= 0.8), len(series))
-    later = series[first + 1 :]
+    counted = series[begin - 1 :]
+    first = next((place for place, order in enumerate(counted) if order >= 0.8), len(series))
+    later = counted[first + 1 :]
     below = [order < 0.8 for order in later]
-    assert told(synchrony.BelowThreshold(None, threshold=0.8), series) == (sum(below) / len(below) if later else None)
-    assert told(synchrony.StaysAbove(None, threshold=0.8), series) == (not any(below) if later else None)
+    assert told(synchrony.BelowThreshold(None, 0.8, begin), series) == (sum(below) / len(below) if later else None)
+    assert told(synchrony.StaysAbove(None, 0.8, begin), series) == (not any(below) if later else None)
 
 
 def test_a_trial_with_further_cycles_says_whether_it_stays_above():
