@@ -10,6 +10,7 @@ from sys import intern
 from typing import Any, NamedTuple
 
 from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.measures.measure import SHIPPED, find_measure
 from epuck_sim.runs.sources import measure_sources, name_with_digest, named_sources
 from epuck_sim.scenario.loader import Point, validate
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
@@ -104,7 +105,9 @@ def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str)
     for name, measure in json.loads(point.measures).items():
         if name not in measures:
             yield f"results of the measure {name}, which is missing {other}; give another folder"
-        for difference in _differences(measure, measures[name], other):
+        shipped = measure["measure"]
+        defaults = find_measure(shipped).parameters if shipped in SHIPPED else {}  # of parameters that were added since
+        for difference in _differences({**defaults, **measure}, measures[name], other):
             yield f"results of another measure {name}; give another folder: {difference}"
     if point.trials > now.trials:
         allowed = f"allowed: {point.trials} or more, or another folder"

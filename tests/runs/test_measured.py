@@ -118,6 +118,16 @@ def test_a_folder_is_refused_to_other_measures(folder, mine, tmp_path):
     assert [point.measured for point in read_points(folder, "Counter")] == [(1.0,)]
 
 
+def test_a_shipped_measure_that_has_got_a_parameter_since_goes_on_with_its_default_alone(folder):
+    plain, later = scenario("stays_above"), scenario({"stays_above": {"from_cycle": 30}})
+    fill(folder, plain, [{"stays_above": True}])
+    edit(folder, """UPDATE points SET measures = json_remove(measures, '$."stays_above".from_cycle')""")
+    fill(folder, plain, [])
+    assert "another measure stays_above; give another folder: from_cycle: 1 in the folder, 30 now" in refusal(
+        folder, later
+    )
+
+
 def run(folder, *measures):
     return run_sweep(agents_sweep(measures), folder, pool_here)
 
