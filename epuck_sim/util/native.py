@@ -38,11 +38,11 @@ try:
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.compiler_machinery import register_pass
     from numba.core.errors import NumbaTypeError
-    from numba.core.imputils import lower_cast
+    from numba.core.imputils import lower_cast, lower_getattr_generic
     from numba.core.runtime.nrt import rtsys
     from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
     from numba.core.untyped_passes import InlineClosureLikes
-    from numba.extending import intrinsic
+    from numba.extending import intrinsic, models, register_model
     from numba.np.arrayobj import array0d_to_scalar, populate_array
 except ImportError as error:
     said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
@@ -444,6 +444,27 @@ def row_at(context: Any, rows: Any, row: Any, length: Any) -> Any:  # noqa: ARG0
     return rows(rows, types.intp, types.intp), generate
 
 
+class _Carved(types.NamedTuple):
+    """Arrays of a block, in compiled code a pointer to it: they are computed where they are read."""
+
+
+register_model(_Carved)(models.OpaqueModel)
+
+
+@lower_getattr_generic(_Carved)  # type: ignore[untyped-decorator]
+def _field(context: Any, builder: Any, carved: Any, data: Any, field: str) -> Any:
+    """Return an array of a block, or the record that begins it."""
+    place = carved.fields.index(field)
+    kind, at = carved[place], carved.instance_class.places[place][1]
+    if at is None:
+        return builder.bitcast(data, context.get_value_type(kind))
+    pair = builder.bitcast(cgutils.pointer_add(builder, data, at), context.get_value_type(INTP).as_pointer())
+    bounds = [builder.load(cgutils.gep(builder, pair, number)) for number in range(2)]
+    for bound in bounds:
+        bound.set_metadata("invariant.load", builder.module.add_metadata([]))  # read once, whatever a loop writes
+    return _array_in(context, builder, kind, data, *bounds)
+
+
 @_intrinsic
 def carve(context: Any, block: Any, part: Any) -> Any:  # noqa: ARG001
     """Return arrays of a block as a named tuple, which does not own them.
@@ -453,21 +474,11 @@ def carve(context: Any, block: Any, part: Any) -> Any:  # noqa: ARG001
     """
     places = part.instance_class.places
     kinds = [from_dtype(dtype) if at is None else types.Array(from_dtype(dtype), 1, "C") for dtype, at in places]
-    result = types.NamedTuple(kinds, part.instance_class)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        number, values = context.get_value_type(types.intp), []
-        for kind, (_, at) in zip(kinds, places, strict=True):
-            if at is None:
-                values.append(builder.bitcast(data, context.get_value_type(kind)))
-                continue
-            pair = builder.bitcast(cgutils.pointer_add(builder, data, at), number.as_pointer())
-            first, end = (builder.load(cgutils.gep(builder, pair, place)) for place in range(2))
-            values.append(_array_in(context, builder, kind, data, first, end))
-        return context.make_tuple(builder, result, values)
+        return context.make_array(signature.args[0])(context, builder, arguments[0]).data
 
-    return result(block, part), generate
+    return _Carved(kinds, part.instance_class)(block, part), generate  # type: ignore[no-untyped-call]
 
 
 @_intrinsic

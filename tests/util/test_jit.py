@@ -24,11 +24,12 @@ import platformdirs
 import pytest
 from numba import njit
 
+from epuck_sim.embodied.swarm import Swarm, make_block
 from epuck_sim.runs.sources import is_trusted, trust
 from epuck_sim.util import cache_folder, jit
 from epuck_sim.util.cache_folder import ROOM_BYTES, UNUSED_S, USER, cache_root, remove_unused
 from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
-from epuck_sim.util.native import unlikely
+from epuck_sim.util.native import WITHOUT_WRAPPERS, carve, unlikely
 
 BOUND = {"run_group", "run_sensor", "shift_at"}  # which are compiled with users' files
 FREE = {PACKAGE / "util" / name for name in ("jit.py", "cache_folder.py")} | {PACKAGE / "arrays.py"}
@@ -229,6 +230,13 @@ def test_what_is_unlikely_happens_all_the_same() -> None:
         return "unlikely" if unlikely(number > 1) else "likely"
 
     assert [which(number) for number in (0.0, 2.0)] == ["likely", "unlikely"]
+
+
+def test_compiled_code_passes_the_arrays_of_a_block_as_one_pointer() -> None:
+    count = njit(**WITHOUT_WRAPPERS)(lambda swarm: len(swarm.robots))
+    assert njit(lambda block: count(carve(block, Swarm)))(make_block({"robots": 3})) == 3
+    ((kind,),) = count.signatures
+    assert count.targetctx.get_value_type(kind).is_pointer
 
 
 def test_users_functions_multiply_matrices_though_scipy_s_are_loaded_then_alone() -> None:
