@@ -11,7 +11,7 @@ that was made in compiled code.
 
 from collections import namedtuple
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -333,8 +333,7 @@ DTYPES: Mapping[str, np.dtype[Any]] = {
 
 assert len(DTYPES) == ARRAYS
 
-_named_tuple: Any = namedtuple  # its own type demands literal names
-Swarm: Any = _named_tuple("Swarm", DTYPES)
+Swarm: Any = cast(Any, namedtuple)("Swarm", DTYPES)  # its own type demands literal names
 """The arrays of a block by their names in `DTYPES`; compiled code gets them by `native.carve`."""
 Swarm.places = [(dtype, 8 * number) for number, dtype in enumerate(DTYPES.values())]  # of `scene.at`
 

@@ -14,7 +14,7 @@ keep their digits, because whole cycles are subtracted exactly.
 
 from collections import namedtuple
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -240,12 +240,9 @@ def keep_state(before: Arrays, after: Arrays) -> None:
 # --- what compiled code takes from a block ------------------------------------------------------------
 
 
-_named_tuple: Any = namedtuple  # its own type demands literal names
-
-
 def _part(name: str, fields: str) -> Any:
     """Return the class of the named tuples of some arrays, and of the scene, that `native.carve` makes."""
-    part = _named_tuple(name, fields)
+    part = cast(Any, namedtuple)(name, fields)  # its own type demands literal names
     part.places = [(SCENE, None) if field == "scene" else _PLACES[field] for field in part._fields]
     return part
 

@@ -117,9 +117,8 @@ class Store:
                 f"INSERT INTO trials ({', '.join(map(quoted, columns))}, checksum) "
                 f"VALUES ({', '.join('?' * len(columns))}, ?) ON CONFLICT DO NOTHING"
             )
-            counts = self._connection.execute("SELECT count(*), count(error) FROM trials").fetchone()
-            self._trials, self._failures = counts
-            note_trials(self._path, self._trials)
+            self._rows, self._failed = self._connection.execute("SELECT count(*), count(error) FROM trials").fetchone()
+            note_trials(self._path, self._rows)
             self._resources = stack.pop_all()
 
     def finished(self) -> FinishedTrials:
@@ -167,8 +166,8 @@ class Store:
                 self._enter(outcomes, places)
                 are_stored = [outcome.error is None for outcome in outcomes]
         self._check_ours()
-        self._trials += self._new
-        note_trials(self._path, self._trials)
+        self._rows += self._new
+        note_trials(self._path, self._rows)
         return are_stored
 
     def _check_ours(self) -> None:
@@ -208,11 +207,11 @@ class Store:
             self._with_sum((*place, *self._axes[outcome.point], *outcome[2:-1], *outcome.provenance))
             for outcome, place in zip(outcomes, places, strict=True)
         ]
-        if self._failures:
+        if self._failed:
             failed = self._connection.executemany(f"DELETE FROM trials {_OF_TRIAL} AND error IS NOT NULL", places)
             self._new -= failed.rowcount
         self._new += self._connection.executemany(self._insert, rows).rowcount
-        self._failures += sum(outcome.error is not None for outcome in outcomes)
+        self._failed += sum(outcome.error is not None for outcome in outcomes)
 
     def __enter__(self) -> Self:
         return self

@@ -187,12 +187,9 @@ def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> O
     measured = events = None
     if result is not None:
         values = [as_stored(getattr(result, name), kind) for name, kind in RESULT.items()]
-        measured, events = _as_json(result.measures), _as_json([event._asdict() for event in result.events])
+        measured = json.dumps(result.measures) if result.measures else None
+        events = json.dumps([event._asdict() for event in result.events]) if result.events else None
     return Outcome._make((task.point, task.trial, task.seed, *values, error, measured, events, _provenance()))
-
-
-def _as_json(value: Any) -> str | None:
-    return json.dumps(value) if value else None
 
 
 @lru_cache
