@@ -1,44 +1,16 @@
 """Writes the reference of all keys of scenarios from their models: type, range, default and description."""
 
 from collections.abc import Iterator, Mapping
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import Any
 
-from sphinx.pycode import ModuleAnalyzer
-
-import epuck_sim.scenario
+from epuck_sim.cli.listing import MEASURE_REFERENCE, allowed, docstrings
 from epuck_sim.scenario.base import ConfigModel
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import ONE_MEASURE, Scenario
+from epuck_sim.scenario.scenario import Scenario
 
 COMMON = [name for name in Scenario.model_fields if name not in ("model", "stop")]
 """Keys that scenarios of all models have; a trial's end is one, too, but each model has its own."""
-
-LIMITS = {
-    "ge": "from {:,.12g}",
-    "gt": "above {:,.12g}",
-    "le": "to {:,.12g}",
-    "lt": "below {:,.12g}",
-    "multiple_of": "in steps of {:g}",
-    "minItems": "of at least {:g}",
-    "maxItems": "and at most {:g}",
-}
-"""Limits in words, as pydantic writes them in JSON schemas of values that have a validator of their own."""
-
-TYPES = {
-    "number": "number",
-    "integer": "whole number",
-    "string": "text",
-    "boolean": "true or false",
-    "object": "mapping",
-    "array": "list",
-    "null": "`null`",
-}
-
-WORDS = {"#/$defs/MeasureSection": ONE_MEASURE}
-"""Sections that are written in another way than as a mapping of their fields."""
 
 Schema = Mapping[str, Any]
 
@@ -88,7 +60,7 @@ def _numbered(name: str, value: Schema) -> str:
 def _sections_in(value: Schema) -> list[str]:
     """Return the names of the classes that a key's value may have."""
     if "$ref" in value:
-        return [] if value["$ref"] in WORDS else [value["$ref"].rpartition("/")[2]]
+        return [] if value["$ref"] == MEASURE_REFERENCE else [value["$ref"].rpartition("/")[2]]
     inner = [*value.get("anyOf", ()), *value.get("oneOf", ()), *([value["items"]] if "items" in value else ())]
     return [name for each in inner for name in _sections_in(each)]
 
@@ -99,23 +71,8 @@ def _write_table(section: Schema, prefix: str, rows: Mapping[str, Schema]) -> st
         is_required = name in section.get("required", ())
         default = "required" if is_required else f"`{_in_yaml(value.get('default', {}))}`"
         doc = _in_markdown(_doc(section["title"], name))
-        lines.append(f"| `{prefix}{name}` | {_describe(value)} | {default} | {doc} |")
+        lines.append(f"| `{prefix}{name}` | {allowed(value, code='`')} | {default} | {doc} |")
     return "\n".join(lines)
-
-
-def _describe(value: Schema) -> str:
-    """Return what a value may be, in words: `number above 0 to 1`."""
-    if "$ref" in value:
-        return WORDS[value["$ref"]]
-    if "anyOf" in value:
-        return " or ".join(_describe(each) for each in value["anyOf"])
-    if "enum" in value or "const" in value:
-        return " or ".join(f"`{each}`" for each in value.get("enum", [value.get("const")]))
-    limits = [words.format(value[name]) for name, words in LIMITS.items() if name in value]
-    if "ge" in value and "gt" in value:  # a narrower limit stands in for that of its kind of number
-        limits.pop(1)
-    items = f" of: {_describe(value['items'])}" if {"enum", "$ref"} & value.get("items", {}).keys() else ""
-    return " ".join([TYPES.get(value.get("type", ""), "any value") + items, *limits])
 
 
 def _in_yaml(value: object) -> str:
@@ -128,16 +85,6 @@ def _in_markdown(text: str) -> str:
     return " ".join(text.split()).replace("|", r"\|")
 
 
-def _find_docs() -> dict[tuple[str, str], str]:
-    """Return the docstring of each field, by the name of its class and its own."""
-    found: dict[tuple[str, str], str] = {}
-    for module in iter_modules(epuck_sim.scenario.__path__, "epuck_sim.scenario."):
-        import_module(module.name)
-        docs = ModuleAnalyzer.for_module(module.name).find_attr_docs()
-        found |= {key: " ".join(lines) for key, lines in docs.items()}
-    return found
-
-
 def _classes(base: type) -> Iterator[type]:
     each: type
     for each in base.__subclasses__():
@@ -145,13 +92,12 @@ def _classes(base: type) -> Iterator[type]:
         yield from _classes(each)
 
 
-DOCS = _find_docs()
 CLASSES: dict[str, type] = {each.__name__: each for each in _classes(ConfigModel)}
 
 
 def _doc(title: str, name: str) -> str:
     """Return the docstring of a field, or of the field that it replaces in a class above."""
-    for each in CLASSES[title].__mro__:
-        if (each.__name__, name) in DOCS:
-            return DOCS[each.__name__, name]
+    docs = docstrings(CLASSES[title])
+    if name in docs:
+        return docs[name]
     raise ValueError(f"{title}.{name} has no docstring, which the reference of keys needs")

@@ -5,6 +5,7 @@ import json
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from inspect import getsource
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from epuck_sim.scenario.base import ConfigModel, section_classes
 from epuck_sim.scenario.loader import SCENARIO, SCENARIO_TYPES
 from epuck_sim.scenario.particles import CURVE
 from epuck_sim.scenario.robot_kind import ROBOT
+from epuck_sim.scenario.scenario import ONE_MEASURE, MeasureSection
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.user_files import OWN_PACKAGE, Kind, Place
 from epuck_sim.util.builtin import SWEEPS, builtin_files
@@ -99,27 +101,59 @@ def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:
     return f"{doc} {{{listed}}}" if listed else doc
 
 
-TYPES = {"integer": "whole number", "string": "text", "boolean": "true or false", "array": "list", "object": "mapping"}
-LIMITS = {"ge": "from", "gt": "above", "le": "to", "lt": "below"}  # words for these, as for types, in JSON schemas
-
-
 def _keys(section: type[ConfigModel], part: str, above: str = "") -> Iterator[tuple[str, str]]:
     """Yield each dotted key in a section that has `part`, and its docstring, type and default."""
-    source = "".join(getsource(each) for each in section.__mro__ if issubclass(each, ConfigModel))
+    docs = docstrings(section)
     for name, value in section.model_json_schema()["properties"].items():
-        key, inner = f"{above}{name}", section_classes(section.model_fields[name].annotation)
+        classes = section_classes(section.model_fields[name].annotation)
+        key, inner = f"{above}{name}", [each for each in classes if each is not MeasureSection]
         for each in inner:
             yield from _keys(each, part, f"{key}{'.N' * (value.get('type') == 'array')}.")
-        doc = re.search(rf'^    {name}: (?:(?!^    \w).)*?^    """(.*?)"""', source, re.M | re.S)
-        if doc and not inner and part in f".{key}.":
+        if name in docs and not inner and part in f".{key}.":
             default = f"; default: {json.dumps(value['default'])}" if "default" in value else ""
-            yield key, f"{' '.join(doc[1].split())} ({_allowed(value)}{default})"
+            yield key, f"{docs[name]} ({allowed(value)}{default})"
 
 
-def _allowed(value: Mapping[str, Any]) -> str:
-    """Return in words what a JSON schema allows."""
-    choices = value.get("enum") or [_allowed(each) for each in value.get("anyOf", ())]
+@cache
+def docstrings(section: type[ConfigModel]) -> dict[str, str]:
+    """Return the docstring of each field of a section that has one, there or in a class above."""
+    source = "".join(getsource(each) for each in section.__mro__ if issubclass(each, ConfigModel))
+    found = {
+        name: re.search(rf'^    {name}: (?:(?!^(?:    )?\w).)*?^    """(.*?)"""', source, re.M | re.S)
+        for name in section.model_fields
+    }
+    return {name: " ".join(doc[1].split()) for name, doc in found.items() if doc}
+
+
+LIMITS = {
+    "ge": "from {:,.12g}",
+    "gt": "above {:,.12g}",
+    "le": "to {:,.12g}",
+    "lt": "below {:,.12g}",
+    "multiple_of": "in steps of {:g}",
+    "minItems": "of at least {:g}",
+    "maxItems": "and at most {:g}",
+}
+"""Limits in words, as pydantic writes them in JSON schemas of values that have a validator of their own."""
+
+TYPES = {"integer": "whole number", "string": "text", "boolean": "true or false", "array": "list", "object": "mapping"}
+"""Types of JSON schemas in words, where these are others."""
+
+MEASURE_REFERENCE = "#/$defs/MeasureSection"  # of the one section that is not written as a mapping of its fields
+
+
+def allowed(value: Mapping[str, Any], code: str = "") -> str:
+    """Return in words what a JSON schema allows: `number above 0 to 1`; single values stand between `code`."""
+    if value.get("$ref") == MEASURE_REFERENCE:
+        return ONE_MEASURE
+    if "anyOf" in value:
+        return " or ".join(allowed(each, code) for each in value["anyOf"])
+    kind = value.get("type", "any value")
+    choices = ["null"] if kind == "null" else value.get("enum", [value["const"]] if "const" in value else ())
     if choices:
-        return " or ".join(choices)
-    limits = [f"{word} {value[name]:,.12g}" for name, word in LIMITS.items() if name in value]
-    return " ".join([TYPES.get(value["type"], value["type"]), *limits])
+        return " or ".join(f"{code}{each}{code}" for each in choices)
+    limits = [words.format(value[name]) for name, words in LIMITS.items() if name in value]
+    if "ge" in value and "gt" in value:  # a narrower limit stands in for that of its kind of number
+        limits.pop(1)
+    items = f" of: {allowed(value['items'], code)}" if {"enum", "$ref"} & value.get("items", {}).keys() else ""
+    return " ".join([TYPES.get(kind, kind) + items, *limits])
