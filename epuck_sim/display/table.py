@@ -89,12 +89,9 @@ class Table(NamedTuple):
         """
         columns = _columns(self)
         kept, said = _without_told(columns) if len(self.rows) > 1 else (columns, [])
-        if width is not None and _width(kept) > width and len(self.rows) > 1:
-            kept, more = _without_points(kept)
-            said += more
-        heads = [line for part in (self.title, "; ".join(said)) for line in part.splitlines() if line]
-        parts = [_lines(part) for part in _parts(kept, width)] if self.rows else []
-        blocks = [_wrap(heads, width), *parts, _wrap(self.notes, width)]
+        parts, more = _parts(kept, width) if self.rows else ([], [])
+        heads = [line for part in (self.title, "; ".join([*said, *more])) for line in part.splitlines() if line]
+        blocks = [_wrap(heads, width), *map(_lines, parts), _wrap(self.notes, width)]
         text = "\n\n".join("\n".join(block) for block in blocks[1:-1] if block)
         return "\n".join(filter(None, ["\n".join(blocks[0]), text, "\n".join(blocks[-1])]))
 
@@ -219,31 +216,30 @@ def _without_told(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
     return kept or columns, said if kept else []
 
 
-def _without_points(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
-    """Return the columns without the numbers of the points if these only count up, and texts on those left out."""
-    point, *others = columns
-    first, last = point.cells[0], point.cells[-1]
-    if point.heading == POINT and point.cells == [*range(first, last + 1)]:
-        return others, [f"points {first} to {last}, in order"]
-    return columns, []
-
-
 def _width(columns: Sequence[_Column]) -> int:
     return sum(column.least for column in columns) + GAP * (len(columns) - 1)
 
 
-def _parts(columns: list[_Column], width: int | None) -> list[list[_Column]]:
+def _parts(columns: list[_Column], width: int | None) -> tuple[list[list[_Column]], list[str]]:
+    """Return columns in parts that fit a width, each with those that tell rows apart, and texts on what is left out.
+
+    Axes tell rows apart, with points unless these only count up; if axes are too wide, the number of point or row does.
+    """
     if width is None or _width(columns) <= width:
-        return [columns]
+        return [columns], []
+    first, rows, said = columns[0], range(1, 1 + len(columns[0].cells)), list[str]()
     keys = [column for column in columns if column.is_axis or column.heading == POINT]
-    if _width(keys) > width / 2:
-        keys = []
+    if _width([column for column in keys if column.is_axis]) > width / 2:
+        keys = [first if first.heading == POINT else _Column("row", [*rows], [*map(str, rows)], False)]
+    elif first.heading == POINT and len(rows) > 1 and first.cells == [first.cells[0] + row - 1 for row in rows]:
+        keys, columns = keys[1:], columns[1:]
+        said = [f"points {first.texts[0]} to {first.texts[-1]}, in order"]
     parts: list[list[_Column]] = [[]]
     for column in (each for each in columns if each not in keys):
         if parts[-1] and _width([*keys, *parts[-1], column]) > width:
             parts.append([])
         parts[-1].append(column)
-    return [[*keys, *part] for part in parts]
+    return [[*keys, *part] for part in parts], said
 
 
 def _lines(columns: Sequence[_Column]) -> list[str]:

@@ -7,6 +7,7 @@ import re
 from base64 import b64decode
 from dataclasses import replace
 from io import StringIO
+from itertools import product
 from xml.etree.ElementTree import fromstring
 
 import cv2
@@ -203,6 +204,11 @@ def test_a_table_that_is_too_wide_comes_in_parts_with_what_tells_rows_apart() ->
     assert all(len(line) <= 40 for line in text.splitlines())
     assert text.count("2.py") == text.count("controller") == 6
     assert text.count("2.0 [1.0, 3.0]") == 6
+    keys = [f"a_long_key_{n}" for n in range(3)]  # wider than half of the terminal
+    for cell, name in (("point", "point"), ("mean", "row")):
+        rows = [Row(dict(zip(keys, each, strict=True)), {cell: n}) for n, each in enumerate(product((1, 2), repeat=3))]
+        first, second = (part.splitlines()[-10:] for part in Table("T_sync", rows).to_text(40).split("\n\n"))
+        assert [first[0].split(), second[0].split()[:2]] == [[name, *keys[:2]], [name, keys[2]]]
 
 
 @given(st.lists(st.sampled_from(["a.b.c", "a.c", "x.b.c", "c", "a.b", "a.0"]), min_size=1, unique=True))
