@@ -140,7 +140,7 @@ def _read_folders(
     if not (all(names) and len(set(names)) == len(names) == len(folders) > 1):
         raise EpuckSimError(f"names need several folders, and a different name for each; given: {comma_list([*names])}")
     firsts = [sweep[0] for sweep in sweeps]
-    kinds = [f"model {point.scenario.model} over {comma_list([*point.axes])}" for point in firsts]
+    kinds = [f"model {point.scenario.model} over {comma_list(sorted(point.axes))}" for point in firsts]
     for folder, kind in zip(folders, kinds, strict=True):
         if kind != kinds[0]:
             raise EpuckSimError(
@@ -149,7 +149,8 @@ def _read_folders(
             )
     check_units(firsts)
     named = zip(names, sweeps, strict=True)
-    return [point._replace(axes={FOLDER: name, **point.axes}) for name, sweep in named for point in sweep]
+    keys = {FOLDER: "", **firsts[0].axes}  # in the order of the first folder
+    return [point._replace(axes={**keys, FOLDER: name, **point.axes}) for name, sweep in named for point in sweep]
 
 
 def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> str:

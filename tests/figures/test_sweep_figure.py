@@ -131,12 +131,12 @@ def test_axes_are_those_asked_for_or_else_the_scenario_s() -> None:
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory) -> list[Path]:
-    """Return two run folders, of scenarios of other names."""
+    """Return two run folders, of scenarios of other names with the same axes in another order."""
     folder = tmp_path_factory.mktemp("folders")
-    grid, made = {COUNT: [3, 5], SPEED: SPEEDS}, (("a", "demo", 50), ("b", "other", 90))
+    axes, made = [(COUNT, [3, 5]), (SPEED, SPEEDS)], (("a", "demo", 50, 1), ("b", "other", 90, -1))
     return [
-        made_folders.store(folder / name / "run", sweep(grid, trials=9, name=scenario), partial(weibull, mean=mean))
-        for name, scenario, mean in made
+        made_folders.store(folder / name / "run", sweep(dict(axes[::step]), 9, scenario), partial(weibull, mean=mean))
+        for name, scenario, mean, step in made
     ]
 
 
