@@ -271,8 +271,8 @@ def _plot_trial(recording: Path, wanted: dict[str, Any], target: "Target | None"
     from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
-    title = wanted.pop("title")
-    for name, value in wanted.items():
+    title, wanted["label"] = wanted.pop("title"), wanted.pop("labels")
+    for name, value in (wanted if recording.is_file() else {}).items():  # if it is missing, reading it says so
         reject_first((value is not None, f"{flag(name, value)} is for run folders; {recording} is a recording"))
     recorded = read_recording(recording)
     check_drawable(recorded, str(recording))
