@@ -88,6 +88,8 @@ def _summary(results: "Sequence[TrialResult]", max_cycles: int) -> str:
     times = np.array([result.cycles for result in results], float)
     is_observed = np.array([not result.censored for result in results])
     measured = Measured(times, is_observed, max_cycles, results[0].seed)
+    if not is_observed.any():
+        return f"T_sync of {len(results)} trials: all are censored"
     mean, median = (estimate(measured, statistic) for statistic in (Statistic.MEAN, Statistic.MEDIAN))
     ends = f"{mean.name} {mean} cycles, {median.name} {median}"
     return f"T_sync of {len(results)} trials: {ends}; {100 * measured.censored:.0f} % censored"

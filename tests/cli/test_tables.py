@@ -203,6 +203,8 @@ def test_a_table_of_trials_has_units_and_whole_seeds_and_several_a_line_of_stati
     mean, median = (estimate(measured, statistic) for statistic in (Statistic.MEAN, Statistic.MEDIAN))
     last = capsys.readouterr().out.splitlines()[-1]
     assert last == f"T_sync of 20 trials: restricted mean {mean} cycles, median {median}; 20 % censored"
+    tables.print_trials([trial(n, **late) for n in range(20)], 25)
+    assert capsys.readouterr().out.splitlines()[-1] == "T_sync of 20 trials: all are censored"
 
 
 def test_a_notebook_redraws_progress_if_it_has_widgets(monkeypatch) -> None:
