@@ -210,9 +210,11 @@ def _damage_of_rows(connection: sqlite3.Connection, table: str) -> str | None:
     order = ", ".join(KEYS[table])
     rows = connection.execute(f"SELECT {_summed(connection, table)}, checksum FROM {table} ORDER BY {order}")
     try:
-        for number, row in enumerate(rows):
+        for row in rows:
             if _sum(row[:-1]) != row[-1]:
-                return f"row {number} of {table} does not have its checksum"
+                found = dict(zip(_named(connection, table)[0], row[1:-1], strict=True))
+                key = ", ".join(f"{name} {found[name]}" for name in KEYS[table])
+                return f"{table} has a row with a wrong checksum, {key}"
     except sqlite3.OperationalError as error:
         if "decode" not in str(error):
             raise

@@ -245,6 +245,7 @@ SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "without a point": (after("DELETE FROM points WHERE number = 0"), "it has trials of a point that is gone"),
     "without a table": (after("DROP TABLE trials"), "is damaged: it has no table trials"),
     "without checksums": (after("ALTER TABLE trials DROP COLUMN checksum"), "is damaged: trials has no checksums"),
+    "changed": (after("UPDATE trials SET cycles = 0"), 'a row with a wrong checksum, point {"robots.0.count": 2.0, '),
     "of the format before the first release": (
         lambda whole: whole[:60] + (1).to_bytes(4) + whole[64:],
         "has format 1, this version of epuck-sim reads 2; to convert it, go on with the run in version 0.1.0",
