@@ -442,7 +442,7 @@ def test_titles_labels_the_legend_and_the_caption_name_what_there_is(violin_pane
     expected = [
         "trials that synchronised",
         "Weibull mean (Appendix A)",
-        "its 95 % interval",
+        "95 % interval of the Weibull mean",
         "undetermined: too many censored",
         "mean, if no trial is censored",
         r"$T_\mathrm{cens}$ of the Weibull mean: 60",

@@ -131,10 +131,10 @@ class Violins(Form):
 
     def _draw_estimates(self, panel: Axes, curve: Curve, top: float) -> None:
         low, high = np.nan_to_num(curve.intervals, posinf=1e12, nan=np.nan).T
-        label = "Weibull mean (Appendix A)" if self.of in T_SYNC else "mean"
-        panel.plot(curve.x, curve.values, "." if self.names else ".-", color=LINE, label=label)
+        name, source = ("Weibull mean", " (Appendix A)") if self.of in T_SYNC else ("mean", "")
+        panel.plot(curve.x, curve.values, "." if self.names else ".-", color=LINE, label=f"{name}{source}")
         draw = panel.vlines if self.names else partial(style.draw_intervals, panel)  # nothing is between names
-        draw(curve.x, low, high, LINE, label="its 95 % interval")
+        draw(curve.x, low, high, LINE, label=f"95 % interval of the {name}")
         if len(unknown := curve.x[~(curve.values <= top)]):  # also of a mean that is extrapolated too far
             style.draw_crosses(panel, unknown, LINE, undetermined_label(self.of))
         if self.of in T_SYNC and not np.isnan(means := sample_means(curve)).all():
