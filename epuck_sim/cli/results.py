@@ -162,7 +162,7 @@ def compare(
     with word_if_slow("comparing"):
         compared = compare_samples(samples, with_first=with_first)
     found = compared[0] if len(samples.names) == 2 else compared
-    show(comparison_tables(compared, read[0]), found, as_json=as_json, as_csv=as_csv)
+    show(comparison_tables(compared), found, as_json=as_json, as_csv=as_csv)
 
 
 @results.command(cls=options.FoldedCommand)

@@ -31,7 +31,6 @@ from epuck_sim.statistics.statistic import (
     estimate,
     mean_and_error,
     measure,
-    measure_unit,
     quantity,
     restrict,
     share_difference,
@@ -247,6 +246,7 @@ class Comparison(NamedTuple):
     p_holm: float  # the same, corrected for the number of pairs
     test: str
     of: str | None  # name of the measure that is compared; None for T_sync, `t_sync_s` for T_sync in seconds
+    unit: str  # unit of its values; empty if they have none
 
 
 def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
@@ -365,6 +365,7 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
         p_holm=math.nan,
         test=LOG_RANK if is_early else PERMUTATION,
         of=matches[0][1].of,
+        unit=pairs[0].first.unit,
     )
 
 
@@ -418,21 +419,21 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return corrected
 
 
-def comparison_tables(compared: Sequence[Comparison], points: Points) -> list[Table]:
-    """Return a table of all points, and for several pairs one of their results over all; `points` give the unit."""
+def comparison_tables(compared: Sequence[Comparison]) -> list[Table]:
+    """Return a table of all points, and for several pairs one of their results over all."""
     first, is_one = compared[0], len(compared) == 1
     names = list(dict.fromkeys(name for each in compared for name in (each.a, each.b)))
     letters = {name: chr(ord("A") + number) if number < 26 else str(number) for number, name in enumerate(names)}
     legend = [f"{letter}: {name}" for name, letter in letters.items()]
-    title = "\n".join([f"{quantity(first.of, measure_unit(points[0]) or '')}, with 95 % intervals", *legend])
+    title = "\n".join([f"{quantity(first.of, first.unit)}, with 95 % intervals", *legend])
     one, other = (letters[first.a], letters[first.b]) if is_one and first.a != first.b else ("first", "second")
-    headings = {"first": one, "second": other, "p_value": "p", "p_holm": "p (Holm)"}
+    headings = {"first": one, "second": other, "p_value": "p", "p_holm": "p (Holm)", "a": "", "b": "", "unit": ""}
     headings |= {"difference": f"{other} - {one}", "ratio": f"{other} / {one}"}
     for what in ("trials", "censored"):
         headings |= {f"{what}_a": f"{what} {one}", f"{what}_b": f"{what} {other}"}
     pairs = [{} if is_one else {"pair": f"{letters[each.a]}, {letters[each.b]}"} for each in compared]
     rows = [
-        Row({**pair, **point.axes}, _point_cells(point, first.of))
+        Row({**pair, **point.axes}, {"a": each.a, "b": each.b, "unit": each.unit} | _point_cells(point, first.of))
         for pair, each in zip(pairs, compared, strict=True)
         for point in each.points
     ]

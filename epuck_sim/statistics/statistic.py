@@ -382,6 +382,7 @@ class PointSummary(NamedTuple):
     censored: float  # share of these trials that is censored; 0 without trials
     estimates: dict[str, Estimate]
     """The statistics, by the names in `SUMMARIES`; a mean of truth values is the share that is true."""
+    unit: str  # unit of the estimates; empty if they have none
     horizon: float
     """Limit of cycles of T_sync, or the longest trial where some were censored before this limit; inf for a measure."""
     is_share: bool = False  # whether the mean is the share of trials in which a truth value is true
@@ -391,7 +392,8 @@ class PointSummary(NamedTuple):
     def record(self) -> dict[str, Any]:
         """Return the point as JSON holds it: each estimate with `_low` and `_high`, null where there is none."""
         head = {"point": self.point, "axes": self.axes, "trials": self.trials, "censored": self.censored}
-        return {**head, **Row({}, self.estimates).record(), "horizon": plain(self.horizon), "is_share": self.is_share}
+        tail = {"horizon": plain(self.horizon), "is_share": self.is_share, "unit": self.unit}
+        return {**head, **Row({}, self.estimates).record(), **tail}
 
 
 class Summaries(list[PointSummary]):
@@ -409,10 +411,10 @@ class Summaries(list[PointSummary]):
         rows = []
         for point in self:
             censored = {"censored": Share(point.censored)} if is_time else {}
-            estimates = {name: point.estimates[name] for name in names}
-            rows.append(Row(point.axes, {"point": point.point, "trials": point.trials, **censored, **estimates}))
+            cells = {**censored, **{name: point.estimates[name] for name in names}, "unit": point.unit}
+            rows.append(Row(point.axes, {"point": point.point, "trials": point.trials, **cells}))
         title = f"{folder}{': ' * bool(folder)}{self.label}, with 95 % intervals"
-        return Table(title, rows, self._notes(), names)
+        return Table(title, rows, self._notes(), {**names, "unit": ""})
 
     def _applicable(self) -> dict[str, str]:
         """Return the headings of the statistics that apply, by name; people see one mean."""
@@ -458,16 +460,16 @@ def summarize(points: Sequence[PointTrials]) -> Summaries:
         StoreError: The measure is a series (see `statistics.curves`), or trials have no T_sync.
     """
     made = [_summarize_point(point) for point in points]
-    units = [each.unit for point in made for each in point.estimates.values() if each.unit]
-    return Summaries(made, quantity(points[0].of if points else None, units[0] if units else ""))
+    return Summaries(made, quantity(points[0].of, made[0].unit) if points else quantity(None))
 
 
 def _summarize_point(point: PointTrials) -> PointSummary:
     measured, undetermined = measure(point), sum(value is None for value in point.measured)
     if not len(measured.values):
         nothing = dict.fromkeys(SUMMARIES, UNDETERMINED)
-        return PointSummary(point.number, point.axes, 0, 0.0, nothing, measured.limit, undetermined=undetermined)
+        ends = measured.unit, measured.limit
+        return PointSummary(point.number, point.axes, 0, 0.0, nothing, *ends, undetermined=undetermined)
     estimates = {name: of(measured) for name, of in SUMMARIES.items()}
     head = point.number, point.axes, len(measured.values), measured.censored
     unbegun = int(np.count_nonzero(measured.values[~measured.observed] == 0))
-    return PointSummary(*head, estimates, measured.horizon, measured.is_share, unbegun, undetermined)
+    return PointSummary(*head, estimates, measured.unit, measured.horizon, measured.is_share, unbegun, undetermined)

@@ -92,9 +92,11 @@ def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     third = in_memory(sweep({SPEED: [2], COUNT: [3, 4]}), lambda _: ended([5] * 5))
     samples = match_points([one, third], ["one", "third"], [[1, 0], [0, 1]])  # of which one has two axes alike
     assert [axes for axes, _ in samples.matches] == [{"points": "1, 0"}, {"points": "0, 1"}]
-    assert len(comparison_tables(compare(samples), one)[0].to_csv().splitlines()) == 3
+    head, *lines = comparison_tables(compare(samples))[0].to_csv().splitlines()
+    assert head.startswith("points,a,b,unit,trials_a,")
+    assert [line.partition('",')[2].split(",")[:3] for line in lines] == [["one", "third", "cycles"]] * 2
     beside_itself = match_points([one, one], ["one", "one"], [[0, 1]])
-    assert comparison_tables(compare(beside_itself), one)[0].headings["difference"] == "second - first"
+    assert comparison_tables(compare(beside_itself))[0].headings["difference"] == "second - first"
 
 
 @given(*[st.lists(st.integers(1, 999), min_size=5, max_size=20, unique=True)] * 2)
@@ -198,20 +200,18 @@ def test_a_ratio_of_restricted_means_is_nearer_to_1_than_that_of_whole_ones_and_
     whole, cut = (both(lambda _, seed: 40 + 60 * seed, stop=stop) for stop in (5000, 60))
     found = [compared(*each) for each in (whole, cut)]
     assert found[0].ratio.value > found[1].ratio.value > 1
-    said = [
-        any("Restricted at 5 points" in note for note in comparison_tables([each], cut[0])[0].notes) for each in found
-    ]
+    said = [any("Restricted at 5 points" in note for note in comparison_tables([each])[0].notes) for each in found]
     assert said == [False, True]
 
 
 def test_a_p_value_of_which_no_permutation_is_as_large_is_shown_as_a_bound_and_one_point_once() -> None:
     sides = [in_memory(sweep(), lambda _, low=low: ended(range(low, low + 20))) for low in (10, 60, 60)]
     found = compare(folders(*sides))
-    (table,) = comparison_tables(found, sides[0])
+    (table,) = comparison_tables(found)
     shown = [[*map(cell_text, (row.cells["p_value"], row.cells["p_holm"]))] for row in table.rows]
     assert shown == [["<= 0.0002", "<= 0.0006"], ["<= 0.0002", "<= 0.0006"], ["1", "1"]]
     assert table.records()[0]["p_value"] == 0.0002
-    assert not any("Over all" in note for note in comparison_tables(found[:1], sides[0])[0].notes)
+    assert not any("Over all" in note for note in comparison_tables(found[:1])[0].notes)
 
 
 def test_the_interval_is_of_what_is_tested() -> None:
@@ -245,7 +245,7 @@ def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() ->
         return ended([5000] * 20, [False] * 20) if point.axes[SPEED] == 1 else ended(range(40, 60))
 
     first, second = (in_memory(sweep({SPEED: [1, 2]}), law) for law in (slow, lambda _: ended(range(20, 40))))
-    (table,) = comparison_tables([compared(first, second)], first)
+    (table,) = comparison_tables([compared(first, second)])
     assert any(note.startswith("p alone: 1 point, where") for note in table.notes)
     assert "the geometric mean of 1 point; p <= 0.0002" in table.notes[-1]
 

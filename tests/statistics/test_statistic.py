@@ -263,9 +263,9 @@ def test_every_number_is_known_or_none_and_the_order_of_the_trials_does_not_matt
     summary = one_summary(times, observed)
     shuffled = random.sample(trials, len(trials))
     assert one_summary([time for time, _ in shuffled], [seen for _, seen in shuffled]) == summary
-    fields = list(vars(summary).values())
+    *fields, unit = vars(summary).values()
     assert np.isfinite([number for number in fields[2:] if number is not None]).all()
-    assert summary.trials == len(trials)
+    assert (summary.trials, unit) == (len(trials), "cycles")
     for low, high in (fields[5:7], fields[8:10], fields[11:13], fields[14:16]):
         assert high is None or low <= high
     if summary.restricted_mean is not None:
@@ -282,7 +282,7 @@ def test_where_there_is_no_spread_or_few_synchronised_some_numbers_are_none() ->
     assert (few.weibull_mean, few.weibull_mean_low, few.weibull_mean_high, few.median, few.median_high) == (None,) * 5
     assert few.restricted_mean == pytest.approx((40 + 41 + 42 + 43 + 44 + 55 * 100) / 60)
     assert (none.censored, none.restricted_mean, none.median) == (1, None, None)
-    assert list(vars(without).values()) == [4, {SPEED: 5.0}, 0, 0, *[None] * 12, 100, False]
+    assert list(vars(without).values()) == [4, {SPEED: 5.0}, 0, 0, *[None] * 12, 100, False, "cycles"]
 
 
 def test_the_horizon_is_the_longest_follow_up_where_trials_ran_out_of_time_before() -> None:
@@ -358,7 +358,7 @@ def test_json_has_all_fields_of_each_point_and_the_table_a_row_that_says_what_it
         shown = ("median", "restricted_mean", "weibull_mean")
         assert row[4:] == [str(point.estimates[name]) for name in shown]
     assert summaries_of(read_points(folder)).table().headings["restricted_mean"] == "mean or restricted mean"
-    assert {"mean", "restricted_mean"} <= {*called("summarize", folder, "--csv").splitlines()[0].split(",")}
+    assert {"mean", "restricted_mean", "unit"} <= {*called("summarize", folder, "--csv").splitlines()[0].split(",")}
     store(tmp_path, sweep({SPEED: [1, 2]}), lambda point: weibull(point, 50, trials=4 + point.number))
     stdout = called("summarize", tmp_path)
     assert "No intervals at 1 of 2 points: one takes 5 trials or more." in stdout
