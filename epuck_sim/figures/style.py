@@ -29,6 +29,7 @@ MIN_PANEL_CM = 4.0  # smallest width of a panel, cm; narrower ones have no room 
 MAX_PANELS = 64  # largest number of panels of a figure; one with more is neither legible nor quickly drawn
 NAME_LETTERS = 36  # number of letters for which there is room below the horizontal axis of a panel
 LETTERS_PER_CM = 52.0  # number of letters of one point on a centimetre
+MIN_LETTERS = 15  # smallest width of a panel in letters; numbers and labels cover narrower ones
 BAND = 0.15  # opacity of bands
 BAR, BAR_ASPECT = 0.05, 25  # width of a colour bar as a share of the figure's, and its height over its width
 GREY = "0.35"  # colour of legend marks that stand for many curves
@@ -112,6 +113,8 @@ def make_panels(
     width_cm = width_cm or (COLUMN_CM if count == 1 or is_stack else PAGE_CM)
     columns = min(count if count <= 3 else math.ceil(math.sqrt(count)), max(1, int(width_cm / MIN_PANEL_CM)))
     columns = 1 if is_stack else columns
+    if width_cm / columns * LETTERS_PER_CM < MIN_LETTERS * rcParams["font.size"]:
+        raise EpuckSimError("letters leave panels no room; give a smaller --font-pt or a larger --width-cm")
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), dpi=300, layout="constrained")
     if title:
