@@ -36,6 +36,7 @@ from epuck_sim.statistics.statistic import (
     share_difference,
     student_estimate,
 )
+from epuck_sim.statistics.survival import MANY_TRIALS
 from epuck_sim.util.messages import comma_list, counted
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
@@ -137,15 +138,20 @@ def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTAT
     # sorted, so that the order in which trials are stored does not matter
     pooled = np.concatenate([np.sort(each.values) for each in pair])
     first = len(pair.first.values)
-    blocks = [_contrasts(block, first, of_logarithms) for block in _permutations(pooled, seed, count)]
+    blocks = [_contrasts(block, first, of_logarithms) for block in _permutations(pooled, first, seed, count)]
     differences, variances = (np.concatenate(each) for each in zip(*blocks, strict=True))
     return differences, variances
 
 
-def _permutations(pooled: FloatArray, seed: int, count: int) -> Iterator[FloatArray]:
-    """Yield the trials, (1, n), and then permutations of them, (b, n) each."""
+def _permutations(pooled: FloatArray, first: int, seed: int, count: int) -> Iterator[FloatArray]:
+    """Yield the trials, (1, n), and then permutations, (b, n) each, in any order within the `first` and the others."""
     random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
     yield pooled[None]
+    values, numbers = np.unique(pooled, return_counts=True)
+    if len(pooled) > max(MANY_TRIALS, 10 * len(values)):  # how many of each value are in a sample is sooner drawn
+        for drawn in (random.multivariate_hypergeometric(numbers, first) for _ in range(count)):
+            yield np.repeat(np.tile(values, 2), np.append(drawn, numbers - drawn))[None]
+        return
     rows = max(1, _BLOCK_SIZE // len(pooled))
     for start in range(0, count, rows):
         yield random.permuted(np.tile(pooled, (min(rows, count - start), 1)), axis=1)

@@ -20,7 +20,7 @@ from epuck_sim.estimate import LEVEL
 QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)  # number of standard errors that an interval reaches either way
 
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
-_MANY_TRIALS = 10_000  # of more trials, in few kinds, numbers of each kind are drawn at once: the same distribution
+MANY_TRIALS = 10_000  # of more trials, in few kinds, numbers of each kind are drawn at once: the same distribution
 _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above or below
 
 
@@ -72,7 +72,7 @@ def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> I
     `resamples`.
     """
     random, n = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed))), len(cells)
-    draws_numbers = n > max(_MANY_TRIALS, 10 * kinds)
+    draws_numbers = n > max(MANY_TRIALS, 10 * kinds)
     shares = np.bincount(cells, minlength=kinds) / n
     drawn_at_once = kinds if draws_numbers else n
     for block in np.array_split(np.arange(resamples), max(1, resamples * drawn_at_once // _BLOCK_SIZE)):
