@@ -27,7 +27,7 @@ import yaml
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.scenario import yaml_io
 from tests.cli.commands import call, called, contents
-from tests.runs.made_folders import COUNT, SPEED, SPEEDS, WIDTH, Law, ended, store, store_measured, sweep, weibull
+from tests.runs.made_folders import COUNT, SPEED, SPEEDS, WIDTH, Law, edit, ended, store, store_measured, sweep, weibull
 from tests.tools import needs_compiler
 
 AGENTS = {
@@ -101,6 +101,7 @@ MAKERS: dict[str, Callable[[Path], object]] = {
     "small": stored(partial(weibull, mean=30), {SPEED: SPEEDS}, 5),
     "flat": stored(lambda _: ended([5]), {COUNT: [2, 3]}),
     "empty": stored(lambda _: ended([]), {SPEED: SPEEDS}),
+    "later": lambda path: (MAKERS["flat"](path), edit(path, "UPDATE points SET scenario = '{\"mine\": 1}'")),
     "censored": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3),
     "timeless": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3, stop={"order_parameter": None, "max_cycles": 5000}),
     "panels": stored(lambda _: ended([5]), {WIDTH: range(60, 125), SPEED: [1, 2]}, 1),
