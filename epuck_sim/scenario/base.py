@@ -177,6 +177,8 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
     >>> guess("speed_cm_s", ["seed"], ["seed", "agents.speed_cm_s"])
     "unknown 'speed_cm_s' here; the full key is agents.speed_cm_s"
     """
+    if "." in name:
+        return f"unknown {name!r}: a file has its keys nested, as in robots: [{{parameters: {{speed_cm_s: 3}}}}]"
     same = [key for key in keys if ends_in(key, name)]
     if same:
         return f"unknown {name!r} here; the full key is {' or '.join(same)}"
