@@ -17,7 +17,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.measures.measure import find_measure
 from epuck_sim.scenario import keys
 from epuck_sim.scenario.arena import find_picture
-from epuck_sim.scenario.axes import canonical_text
+from epuck_sim.scenario.axes import SweepAxes, canonical_text
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_curve
@@ -146,7 +146,6 @@ def load_scenario(
         given = keys.note_changes(replace_controllers(given, str(controller), origin), [f"controller={controller}"])
     if measures:
         given = keys.add_measures(given, list(map(str, measures)), origin, folder)
-    _reject_endings(given, origin, folder)
     parsed = [keys.parse_axis(axis, "--sweep") for axis in axes]
     changed: list[str] = []
     for setting in settings:
@@ -157,6 +156,7 @@ def load_scenario(
                 given = with_robots(given, origin, folder)
             given = keys.set_value(given, key, value, option, folder)
             changed.append(f"{key}={setting.partition('=')[2]}")
+    _reject_endings(given, origin, folder)
     swept: list[str] = []
     for axis, (typed, values) in zip(axes, parsed, strict=True):
         found = _full_keys(given, typed, f"--sweep {axis}", origin, folder)
@@ -253,7 +253,7 @@ def _full_keys(
         warnings.warn(f"{where}: sensors stands for those of all {len(groups)} groups of robots", stacklevel=3)
     if kind is None or typed == "sensors" or typed.partition(".")[0] in kind.model_fields:
         return [typed]
-    at_points = _with_controllers(given, [*_swept(given), *axes])
+    at_points = _with_controllers(given, [*_dotted(given.get("sweep"), *SweepAxes.model_fields), *axes])
     known = [key for each in at_points for key in kind.all_keys(with_robots(each, origin, folder), folder)]
     found = keys.full_keys(typed, [*dict.fromkeys(known)], where)
     found = found or keys.full_keys(typed, keys.keys_of_measures(given, typed, folder), where)
@@ -267,33 +267,34 @@ def _full_keys(
     return [typed]
 
 
-def _with_controllers(
-    given: Mapping[str, Any], axes: Iterable[tuple[Any, Sequence[Any]]]
-) -> Iterator[Mapping[str, Any]]:
+def _with_controllers(given: Mapping[str, Any], axes: Iterable[tuple[Any, Any]]) -> Iterator[Mapping[str, Any]]:
     """Yield a scenario's keys, and the same keys with each controller that is a value of an axis."""
     yield given
     groups = given.get("robots") or [{}]
     known = [f"robots.{number}.controller" for number in range(len(groups))] if are_groups(groups) else []
     for typed, values in axes:
         for key in keys.full_keys(str(typed), known, str(typed)):
-            yield from (keys.set_value(given, key, value, key) for value in values)
+            several = values if isinstance(values, list | tuple) else [values]
+            yield from (keys.set_value(given, key, value, key) for value in several)
 
 
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
-    """Raise ScenarioError for an axis in a file that is the ending of a key: endings are for typing only."""
-    for key, _ in _swept(given):
-        found = _full_keys(given, str(key), f"{origin}: sweep", origin, folder)
-        if found != [str(key)]:
-            raise ScenarioError(f"{origin}: sweep: {key} is the ending of a key; give the whole key, {found[0]}")
+    """Raise ScenarioError for a dotted key in a file that is the ending of one: endings are for typing only."""
+    for section, *parts in ("sweep", *SweepAxes.model_fields), ("schedule", "set"):
+        for key, _ in _dotted(given.get(section), *parts):
+            found = _full_keys(given, str(key), f"{origin}: {section}", origin, folder)
+            if found != [str(key)]:
+                said = f"{key} is the ending of a key; give the whole key, {found[0]}"
+                raise ScenarioError(f"{origin}: {section}: {said}")
 
 
-def _swept(given: Mapping[str, Any]) -> Iterator[tuple[Any, Sequence[Any]]]:
-    """Yield the keys of a scenario's sweep as they are given, with values; an invalid sweep is refused later."""
-    sweep = given.get("sweep")
-    parts = [sweep.get(name) for name in ("zip", "grid", "points")] if isinstance(sweep, Mapping) else []
-    for row in (each for part in parts for each in (part if isinstance(part, list | tuple) else [part])):
-        for key, values in row.items() if isinstance(row, Mapping) else ():
-            yield key, values if isinstance(values, list | tuple) else [values]
+def _dotted(value: Any, *parts: str) -> Iterator[tuple[Any, Any]]:
+    """Yield keys and values of a mapping, or in parts of it, or of each in a list; what is invalid is refused later."""
+    if isinstance(value, list | tuple):
+        for each in value:
+            yield from _dotted(each, *parts)
+    elif isinstance(value, Mapping):
+        yield from (pair for part in parts for pair in _dotted(value.get(part))) if parts else value.items()
 
 
 def _read(source: ScenarioLike) -> tuple[dict[str, Any], str, Path | None]:
@@ -329,8 +330,8 @@ def _choose_version(given: Mapping[str, Any], origin: str, folder: Path | None, 
         return keys.quick_version(given, origin)
     if given.get(keys.QUICK) is not None:
         other, where = keys.quick_version(given, origin), f"{origin}: {keys.QUICK}"
-        validate(other, where)
         _reject_endings(other, where, folder)
+        validate(other, where)
     return keys.without_quick(given)
 
 

@@ -210,9 +210,10 @@ class Scenario(ConfigModel):
     def all_keys(cls, given: Mapping[str, Any], folder: Path | None = None) -> list[str]:
         """Return every dotted key of a scenario that may be typed; those on which trials depend come first.
 
-        They include keys in sections, but not those of `sweep`; of measures, only parameters.
+        They include keys in sections, but not in `sweep` and in what a schedule sets; of measures, only parameters.
         """
-        sections = {key: key.partition(".")[0] for key in keys_of(cls, given, folder)}
+        found = (key for key in keys_of(cls, given, folder) if not re.match(r"schedule\.\d+\.set\.", key))
+        sections = {key: key.partition(".")[0] for key in found}
         typed = [key for key, section in sections.items() if section not in ("sweep", "measures")]
         typed.sort(key=lambda key: sections[key] in WITHOUT_EFFECT)
         return [*typed, *_parameters_of_measures(given.get("measures"), folder)]

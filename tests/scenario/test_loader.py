@@ -334,7 +334,7 @@ def test_a_shipped_scenario_is_checked_written_and_read_again_and_its_figure_is_
     found = points(scenario)
     assert len(found) == (scenario.sweep.point_count if scenario.sweep else 1)
     keys = set(scenario.all_keys(written))
-    assert {key for key in flat(written) if not re.match(r"sweep|measures|robots\.\d+\.poses\.", key)} <= keys
+    assert {key for key in flat(written) if not re.match(r"sweep|measures|\w+\.\d+\.(poses|set)\.", key)} <= keys
     for point in found:
         assert (point.scenario.sweep, point.scenario.name) == (None, scenario.name)
         assert set(point.axes) == set(scenario.sweep.keys if scenario.sweep else ())
