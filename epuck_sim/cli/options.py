@@ -50,11 +50,13 @@ more_output_option, live_option, controllers_option, sweeps_option, looks_option
 WEB_PORT = 9090  # default port of viewers for browsers
 
 GONE = {
-    "--status": "--status is a command of its own: epuck-sim status FOLDER",
-    "--durable": "--durable is no longer needed: results are synced to disk at each commit; leave it out",
-    "--time": "--time of `check` is a command of its own: epuck-sim plan SCENARIO --seconds 5",
+    "run --status": "--status is a command of its own: epuck-sim status FOLDER",
+    "run --durable": "--durable is no longer needed: results are synced to disk at each commit; leave it out",
+    "check --time": "--time of `check` is a command of its own: epuck-sim plan SCENARIO --seconds 5",
+    "replicate --full": "--full is --until-decided now, which adds trials until claims are decided",
+    "replicate --quick": "--quick is no longer needed: each sweep of a claim has one version; leave it out",
 }
-"""Removed options, and what to do instead."""
+"""Removed options, by their command, and what to do instead."""
 
 
 class Commands(TyperGroup):
@@ -66,7 +68,8 @@ class Commands(TyperGroup):
             try:
                 return super().invoke(ctx)
             except Exception as error:
-                if (gone := GONE.get(getattr(error, "option_name", ""))) is None:
+                used = f"{ctx.invoked_subcommand} {getattr(error, 'option_name', '')}"
+                if (gone := GONE.get(used)) is None:
                     raise
                 raise EpuckSimError(gone) from error
 
