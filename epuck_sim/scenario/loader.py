@@ -257,7 +257,7 @@ def _full_keys(
     known = [key for each in at_points for key in kind.all_keys(with_robots(each, origin, folder), folder)]
     found = keys.full_keys(typed, [*dict.fromkeys(known)], where)
     found = found or keys.full_keys(typed, keys.keys_of_measures(given, typed, folder), where)
-    if len(found) > 1:
+    if len(found) > 1 and where.startswith("--"):  # a file is refused
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
     if found:
         return found
@@ -284,7 +284,7 @@ def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) 
         for key, _ in _dotted(given.get(section), *parts):
             found = _full_keys(given, str(key), f"{origin}: {section}", origin, folder)
             if found != [str(key)]:
-                said = f"{key} is the ending of a key; give the whole key, {found[0]}"
+                said = f"{key} is the ending of a key; give the whole key, {' or '.join(found)}"
                 raise ScenarioError(f"{origin}: {section}: {said}")
 
 
