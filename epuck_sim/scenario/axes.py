@@ -225,8 +225,8 @@ Values = Annotated[tuple[Any, ...], Field(min_length=1)]
 
 MAX_POINTS = 100_000  # most points that a sweep may have
 
-RANGE = re.compile(r"\s*([-+.\deE]+):([-+.\deE]+):([-+.\deE]+)(?::(\w+))?\s*")
-"""A range of values, FROM:TO:NUMBER, and :lin or :log."""
+RANGE = re.compile(r"\s*[-+.]*\d[-+.\deE]*(:([-+.\deE]+|\w*))+\s*")
+"""A range of values, FROM:TO:NUMBER, and :lin or :log, or what was meant as one."""
 
 COUNTS = ("count", "k", "central_pixels")  # last words of keys whose values in a range are whole
 
@@ -253,21 +253,23 @@ def with_ranges(key: str, values: Any) -> Any:
         return values
     found: list[Any] = []
     for value in values:
-        parts = RANGE.fullmatch(value) if isinstance(value, str) else None
-        found.extend(_values_of_range(key, parts) if parts else [value])
+        found.extend(_values_of_range(key, value) if isinstance(value, str) and RANGE.fullmatch(value) else [value])
     return found
 
 
-def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
-    refusal = f"{key} is {parts[0]}; allowed: {_RANGES}"
+def _values_of_range(key: str, text: str) -> list[Any]:
+    refusal = f"{key} is {text}; allowed: {_RANGES}"
     try:
-        first, last, number = float(parts[1]), float(parts[2]), int(parts[3])
+        low, high, count, *scale = text.strip().split(":")
+        first, last, number = float(low), float(high), int(count)
     except ValueError as error:
+        if key.startswith(("measures.", "arena.floor.picture")):  # where any text may stand
+            return [text]
         raise ValueError(refusal) from error
-    is_even = parts[4] in (None, "lin") or (parts[4] == "log" and first > 0)
+    is_even = scale in ([], ["lin"]) or (scale == ["log"] and first > 0)
     if not (0 < last - first < math.inf and 2 <= number <= MAX_POINTS and is_even):
         raise ValueError(refusal)
-    is_log = is_logarithmic(key, (first, last)) if parts[4] is None else parts[4] == "log"
+    is_log = is_logarithmic(key, (first, last)) if not scale else scale == ["log"]
     inner = (np.geomspace if is_log else np.linspace)(first, last, number)[1:-1]
     if key.rpartition(".")[2] in COUNTS:
         inner = np.round(inner)
@@ -276,8 +278,8 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     values = [first, *(float(f"{value:.6g}") for value in inner), last]
     if (different := len({*values})) < number:
         allowed = "fewer, or with :lin" if is_log else "fewer"
-        raise ValueError(f"{key} is {parts[0]}; rounded, only {different} values differ; allowed: {allowed}")
-    is_whole = {*"eE."}.isdisjoint(parts[1] + parts[2]) and all(value == int(value) for value in values)
+        raise ValueError(f"{key} is {text}; rounded, only {different} values differ; allowed: {allowed}")
+    is_whole = {*"eE."}.isdisjoint(low + high) and all(value == int(value) for value in values)
     return [int(value) for value in values] if is_whole else values
 
 

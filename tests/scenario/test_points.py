@@ -123,6 +123,8 @@ def test_ranges_stand_beside_values_in_files_and_of_whole_numbers_are_whole() ->
     assert sweep.grid == {"robots.0.count": (5, 10, 15, 20), "arena.width_cm": (50, 60, 70, 80)}
     assert all(isinstance(value, int) for value in sweep.grid["robots.0.count"])
     assert with_ranges("a.x", "-0.1:0.2:4") == [-0.1, 0.0, 0.1, 0.2]
+    assert with_ranges("measures.0.odds.ratio", ["1:2", "12:30:x"]) == ["1:2", "12:30:x"]  # a text, to the measure
+    assert with_ranges("robots.0.controller", ["C:\\a.py", "1:2.py"]) == ["C:\\a.py", "1:2.py"]
 
 
 COUNT, SPEED = "robots.0.count", "robots.0.parameters.speed_cm_s"
