@@ -8,6 +8,7 @@ docs/measures.md has its methods and attributes. A trial calls the methods that 
 import inspect
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -70,11 +71,9 @@ class Measure:
     def check_model(self, model: str, event_method: str) -> None:
         """Raise ValueError if it cannot measure trials of a model."""
         models = getattr(self.make, "MODELS", None)
-        if models is not None:
-            if model not in models:
-                raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
-            return
-        methods = [method for method in EVENT_METHODS if self.is_told(method)]
+        if models is not None and model not in models:
+            raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
+        methods = [method for method in EVENT_METHODS if models is None and self.is_told(method)]
         if methods and event_method not in methods:
             raise ValueError(
                 f"{self.name} has a method {methods[0]}, for {EVENT_METHODS[methods[0]]}; model: {model} calls "
@@ -83,8 +82,7 @@ class Measure:
 
     def check_scenario(self, scenario: Any, parameters: Mapping[str, Parameter]) -> None:
         """Raise ValueError if it cannot, with these parameters, measure trials of a resolved scenario."""
-        check = getattr(self.make, "check_scenario", None)
-        if check is not None:
+        if check := getattr(self.make, "check_scenario", None):
             check(scenario, SimpleNamespace(**parameters))
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Parameter]:
@@ -173,7 +171,7 @@ def _load(place: Place) -> PythonFile:
 def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
     """Return the measure of this name in a file, or its only one, under the name by which a package offers it.
 
-    The measures of a file are its classes with a method `value`, or else its public functions; a name may give others.
+    Its measures are classes with a method `value`, or else public functions of a simulation; a name may give others.
     """
     own = {
         name: value
@@ -181,11 +179,14 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
         if not name.startswith("_") and getattr(value, "__module__", None) == file.path.stem
     }
     classes = {name: value for name, value in own.items() if inspect.isclass(value) and hasattr(value, "value")}
-    functions = {name: value for name, value in own.items() if inspect.isfunction(value)}
-    found = classes or functions
-    known = found | {name: value for name, value in functions.items() if inspect.signature(value).parameters}
-    chosen = member
-    if not member:
+    functions = {name: value for name, value in own.items() if inspect.isfunction(value) and name != "check"}
+    fitting: dict[str, Any] = {}
+    for name, value in functions.items():
+        with suppress(ValueError):
+            fitting[name] = default_parameters(value)
+    known = classes | fitting
+    if not (chosen := member):
+        found = classes or fitting or functions
         if len(found) != 1:
             given = place.name if place.package else file.path.name
             raise MeasureError(f"{file.path}: holds {comma_list(known)}; give one of them as {given}:NAME")

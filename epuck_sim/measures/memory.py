@@ -10,8 +10,6 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.step import check_field, memory_values
 from epuck_sim.measures.common import Series, allowed, one_of
 
-TAKEN = ("final", "mean", "series")
-
 
 @dataclass
 class Memory(Series):
@@ -23,7 +21,7 @@ class Memory(Series):
     name: str = "phase_ms"
     robot: int = -1
     take: str = "final"
-    check = staticmethod(allowed(take=one_of(TAKEN)))
+    check = staticmethod(allowed(take=one_of(("final", "mean", "series"))))
     MODELS = ("embodied",)
 
     @staticmethod
