@@ -162,7 +162,8 @@ def load_scenario(
         found = _full_keys(given, typed, f"--sweep {axis}", origin, folder)
         given = keys.add_axis(given, found, values, f"--sweep {axis}")
         swept.extend(f"sweep {key}={axis.partition('=')[2]}" for key in found)
-    options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
+    typed_at = {"--measure": measures, "--set": settings, "--sweep": axes}
+    options = [f"{option} {each}" for option, several in typed_at.items() for each in several]
     origin = " ".join([origin, *(cut(option, MOST_ECHOED) for option in options)])
     given = keys.note_changes(given, [*changed, *swept])
     scenario = from_keys(given, origin, folder)
