@@ -97,7 +97,8 @@ def test_nothing_heavy_is_loaded_that_is_not_needed() -> None:
     light = [*drawing, "av", "cv2", "scipy", "numba", "numpy", "pyarrow", "pymunk", "yaml"]
     helps = ("", "run", "replay", "film", "track", "export", "summarize", "plot", "fit", "new")
     table = [*((f"{command} --help", light) for command in helps), ("list", drawing)]
-    table += [(f"check {name}", ["numba"]) for name in ("spotlight", "crowded", "physical", "fig-4-2a")]
+    checked = ("spotlight", "crowded", "physical", "fig-4-2a", "particles", "thesis --controller constant")
+    table += [(f"check {each}", [*drawing, "cv2", "scipy", "numba", "pymunk"]) for each in checked]
     begun = "import epuck_sim.cli.trials, epuck_sim.sweep.run\n" + LOADED.format(table=[("list", ["scipy"])])
     script = LOADED.format(table=table) + begun + LOADED.format(table=[("run pair --json", [*drawing, "scipy.linalg"])])
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
