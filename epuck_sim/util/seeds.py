@@ -27,7 +27,7 @@ def trial_seed(master: int, trial: int) -> int:
     return master if trial == 0 else _derived(master, (trial,))
 
 
-@lru_cache(maxsize=16)  # of a trial under way it is asked several times
+@lru_cache(maxsize=4096)  # of each trial of a chunk it is asked several times
 def point_seed(master: int, point: str, trial: int) -> int:
     """Return the seed of a trial of a sweep.
 
