@@ -90,10 +90,7 @@ def _packed(scenario: Scenario) -> bytes:
     return _pickled[id(scenario)][1]
 
 
-@lru_cache(MOST_PACKED)
-def _unpacked(packed: bytes) -> Scenario:
-    scenario: Scenario = pickle.loads(packed)
-    return scenario
+_unpacked: Callable[[bytes], Scenario] = lru_cache(MOST_PACKED)(pickle.loads)
 
 
 def _unpacked_task(point: int, trial: int, key: str, packed: bytes, interpret: bool) -> Task:
