@@ -139,7 +139,9 @@ def _with(container: Any, parts: list[str], value: Any, origin: str, path: str =
     below = f"{path}.{first}".removeprefix(".")
     if isinstance(container, list | tuple):
         if first not in map(str, range(len(container))):
-            raise ScenarioError(f"{origin}: {first!r} is not an index into a list of {len(container)}, counted from 0")
+            such = f", as in {path}.0.{'.'.join(parts)}" if container and not first.isdecimal() else ""
+            said = f"{first!r} is not an index into a list of {len(container)}, counted from 0{such}"
+            raise ScenarioError(f"{origin}: {said}")
         index = int(first)
         return [*container[:index], _with(container[index], rest, value, origin, below), *container[index + 1 :]]
     if container is not None and not isinstance(container, Mapping):
