@@ -239,9 +239,7 @@ class ProximitySection(ConfigModel):
 
     def _check_together(self) -> None:
         if self.width_cm2 <= self.peak_cm**2:
-            raise ValueError(
-                f"width_cm2 is {self.width_cm2:g}; allowed: above the square of peak_cm, {self.peak_cm**2:g}"
-            )
+            raise ValueError(f"width_cm2 is {self.width_cm2:g}; allowed: above peak_cm squared, {self.peak_cm**2:g}")
         if self.peak_cm >= self.range_cm:
             raise ValueError(f"peak_cm is {self.peak_cm:g}; allowed: below range_cm, {self.range_cm:g}")
 

@@ -212,10 +212,9 @@ class Scenario(ConfigModel):
 
         They include keys in sections, but not in `sweep` and in what a schedule sets; of measures, only parameters.
         """
-        found = (key for key in keys_of(cls, given, folder) if not re.match(r"schedule\.\d+\.set\.", key))
-        sections = {key: key.partition(".")[0] for key in found}
-        typed = [key for key, section in sections.items() if section not in ("sweep", "measures")]
-        typed.sort(key=lambda key: sections[key] in WITHOUT_EFFECT)
+        not_typed = re.compile(r"sweep\b|measures\b|schedule\.\d+\.set\.")
+        typed = [key for key in dict.fromkeys(keys_of(cls, given, folder)) if not not_typed.match(key)]
+        typed.sort(key=lambda key: key.partition(".")[0] in WITHOUT_EFFECT)
         return [*typed, *_parameters_of_measures(given.get("measures"), folder)]
 
     @classmethod
