@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,11 +16,14 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.figures.saving import parse_target, save_figure
 from epuck_sim.figures.style import add_shared_legend, make_logarithmic
+from epuck_sim.overhead import ROUNDING
 from epuck_sim.overhead.annotate import TrackedFrame
-from epuck_sim.overhead.compare import ROUNDING, QuantityComparison
 from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
 from epuck_sim.overhead.track import Track
 from epuck_sim.util.messages import counted
+
+if TYPE_CHECKING:  # or the figure of a film would wait for numba and pymunk
+    from epuck_sim.overhead.compare import QuantityComparison
 
 COLUMNS = ("time_s", "periods", "count", "spread_ms")
 """Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""
@@ -169,12 +172,12 @@ def _is_first_synchrony(track: Track, evaluation: Evaluation) -> bool:
     return track.histogram_s is not None and abs(evaluation.time_s - (track.start_s + track.histogram_s)) < 1e-6
 
 
-def save_comparison_figure(path: Path, rows: Sequence[QuantityComparison]) -> list[Path]:
+def save_comparison_figure(path: Path, rows: "Sequence[QuantityComparison]") -> list[Path]:
     """Draw a film beside trials, and write a table of all values; raise EpuckSimError if a file cannot be written."""
     return save_figure(parse_target(path), lambda: draw_comparison(rows), {".csv": _comparison_csv(rows)})
 
 
-def _comparison_csv(rows: Sequence[QuantityComparison]) -> str:
+def _comparison_csv(rows: "Sequence[QuantityComparison]") -> str:
     """Return CSV with a row for each quantity and trial, and one, whose trial is `film`, for the film.
 
     The column `status` says why there is no value: it is `beyond` the film's end, or `unknown`.
@@ -187,7 +190,7 @@ def _comparison_csv(rows: Sequence[QuantityComparison]) -> str:
     return csv_text(("quantity", "unit", "trial", "value", "status"), cells)
 
 
-def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
+def draw_comparison(rows: "Sequence[QuantityComparison]") -> Figure:
     """Return the figure: a histogram of the trials for each quantity that is known, and a line where the film is."""
     rows = [row for row in rows if not math.isnan(row.percentile) and np.isfinite(row.trials).any()]
     down = max(math.ceil(len(rows) / PANELS_ACROSS), 1)
@@ -200,7 +203,7 @@ def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
     return figure
 
 
-def _draw_quantity(panel: Axes, row: QuantityComparison) -> None:
+def _draw_quantity(panel: Axes, row: "QuantityComparison") -> None:
     values = row.trials[np.isfinite(row.trials)]
     spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
     edges = 12 if spread > ROUNDING * abs(values).max() else [values[0] - 0.5, values[0] + 0.5]

@@ -17,6 +17,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import FilmError
 from epuck_sim.estimate import UNDETERMINED, Estimate
+from epuck_sim.overhead import ROUNDING
 from epuck_sim.overhead.flashes import CountedRings, FlashLinker
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.robots import MANY_UNSURE, Robots, find_robots
@@ -29,7 +30,6 @@ from epuck_sim.trial.model import run_trial
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.seeds import trial_seed
 
-ROUNDING = 1e-9  # largest difference of equal quantities, relative to them
 NEAR_MODE = 0.15  # largest relative difference from the commonest speed of a robot that drives straight ahead
 NEAR_CYCLE_FRAMES = 1.5
 """Number of frames by which a cycle may differ from the commonest long one and still be the robot's own period: a

@@ -4,6 +4,8 @@ import json
 import os
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from contextlib import nullcontext
 from functools import partial
@@ -32,6 +34,7 @@ from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import open_film
 from tests.cli.commands import call, called, refused, set_to, trials
 from tests.cli.films import frames_and_description, names
+from tests.cli.test_help import LOADED
 from tests.overhead.films import PLACES, TRACK, described, even, in_step, read_rings, save, shoot
 from tests.processes import COMMAND, start, wait_until
 from tests.runs.made_folders import rows
@@ -221,6 +224,12 @@ def test_the_description_of_our_films_replaces_options_and_geometry_that_is_give
     for there, aside in zip(corners, wide, strict=True):
         assert aside["x_cm"] == pytest.approx(there["x_cm"] + 10, abs=1.5)
         assert aside["y_cm"] == pytest.approx(there["y_cm"], abs=1.5)
+
+
+def test_a_film_is_tracked_and_drawn_without_numba_and_pymunk(shelf, here) -> None:
+    script = LOADED.format(table=[(f"track {shelf / 'swarm.mp4'} --plot {here / 'p.png'}", ["numba", "pymunk"])])
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.splitlines()[-1] == "loaded []"
 
 
 def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, plain, here) -> None:
