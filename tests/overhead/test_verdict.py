@@ -11,18 +11,20 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from epuck_sim import epuck
+from epuck_sim import epuck, load_scenario, run_trial
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import flashes, verdict
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Frame, Light
+from epuck_sim.overhead.compare import track_trial
 from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, LightMeter, RingCounter, count_lit
 from epuck_sim.overhead.rings import DISC_LIGHT, Ring, is_lit
 from epuck_sim.overhead.synchrony import evaluate, is_synchronised, spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
 from epuck_sim.overhead.verdict import Evidence, doubts, may_be_half_a_period, objections, why_never
-from tests.overhead.films import counted, make_geometry, uneven
+from epuck_sim.trial.model import simulate
+from tests.overhead.films import TRACK, counted, make_geometry, uneven
 
 RATE = 30.0
 
@@ -114,7 +116,7 @@ def test_flashes_until_synchrony_count_for_each_robot() -> None:
     assert analysed(times_s, three, TrackOptions(period_s=1.0, robots=3)).t_sync_cycles == pytest.approx(9, abs=0.3)
 
 
-def test_a_swarm_may_never_synchronise_and_a_film_that_ends_as_it_does_is_too_short_to_tell() -> None:
+def test_a_swarm_may_synchronise_never_or_late() -> None:
     times_s, counts = swarm(from_s=math.inf)
     track = analysed(times_s, counts, TrackOptions(period_s=1.0))
     assert (track.histogram_s, track.histogram_periods, track.t_sync_cycles) == (None, None, None)
@@ -125,11 +127,17 @@ def test_a_swarm_may_never_synchronise_and_a_film_that_ends_as_it_does_is_too_sh
     assert track.flashes_per_period == pytest.approx(6, rel=0.1)
     assert json.loads(json.dumps(track.summary(), allow_nan=False))["histogram_s"] is None
     times_s, counts = swarm(from_s=6.0)
-    told = TrackOptions(period_s=1.0, robots=6)
-    whole, cut = (analysed(times_s[times_s < end_s], counts[times_s < end_s], told) for end_s in (8.0, 6.54))
-    assert (whole.t_sync_s, whole.confidence) == (pytest.approx(6.5, abs=0.6), "low")
-    (reason,) = cut.reasons
-    assert (cut.t_sync_s, cut.confidence, "ends too early to tell" in reason) == (None, "none", True)
+    late = analysed(times_s, counts, TrackOptions(period_s=1.0, robots=6))
+    assert (late.t_sync_s, late.confidence) == (pytest.approx(6.5, abs=0.6), "low")
+
+
+@pytest.mark.parametrize("seed", [51, 52, 84, 155])
+def test_a_film_that_ends_as_run_says_t_sync_is_too_short_to_tell(seed: int) -> None:
+    scenario = load_scenario("thesis")
+    end_s = run_trial(simulate(scenario, seed)).simulated_s
+    film = TRACK._replace(fps=15.0, duration_s=end_s, options=TrackOptions(period_s=5.0, robots=10))
+    track, _ = track_trial(scenario, seed, film)
+    assert (track.t_sync_s, track.confidence, "ends too early to tell" in track.reasons[0]) == (None, "none", True)
 
 
 def test_a_lamp_that_flickers_is_no_robot() -> None:
