@@ -188,7 +188,7 @@ def print_track(track: "Track", robots: "Robots | None" = None, *, as_json: bool
 
 def _lines_of_track(track: "Track") -> Iterator[tuple[str, str]]:
     if track.t_sync_s is not None:
-        yield "T_sync", f"{track.t_sync_cycles:.1f} cycles, {track.t_sync_s:.1f} s"
+        yield "T_sync", f"{track.t_sync_cycles} cycles, {track.t_sync_s:.1f} s"
     else:
         yield "T_sync", "unknown" if track.confidence == "none" else "never"
     for reason in track.reasons:

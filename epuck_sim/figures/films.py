@@ -147,7 +147,7 @@ def _draw_spreads(panel: Axes, track: Track) -> None:
 def _mark_synchrony(panel: Axes, track: Track) -> None:
     line: dict[str, Any] = {"color": SYNC, "linewidth": 1.2, "zorder": 0.5}
     if track.t_sync_periods is not None:
-        label = f"T_sync: {track.t_sync_cycles:.1f} cycles, {track.t_sync_s:.1f} s"
+        label = f"T_sync: {track.t_sync_cycles} cycles, {track.t_sync_s:.1f} s"
         panel.axvline(track.t_sync_periods, **line, label=label)
     if track.histogram_periods is not None:
         label = f"by the histogram: {track.histogram_periods:.1f} periods"

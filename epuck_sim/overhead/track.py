@@ -72,9 +72,9 @@ class Track(NamedTuple):
     """Time from the trial's beginning to the first flash around which a period's flashes have the order parameter of
     synchrony."""
     t_sync_periods: float | None  # the same time in periods
-    t_sync_cycles: float | None
-    """T_sync as in simulated trials: flashes of a robot up to and including that one; the mean over robots, as a film
-    does not show which one is the reference."""
+    t_sync_cycles: int | None
+    """T_sync as in simulated trials: flashes of a robot up to and including that one; the mean over robots, rounded up,
+    as a film does not show which one is the reference."""
     histogram_s: float | None
     """Time from the trial's beginning to the flash around which the histogram was first narrow enough."""
     histogram_periods: float | None  # the same time in periods

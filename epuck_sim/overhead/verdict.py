@@ -26,6 +26,7 @@ LATE_PERIODS = 0.75  # largest time, in periods, by which the total light may be
 MOST_BURNT = 0.15  # largest share of the flashes that may be burnt out to discs
 MOST_DAZZLED = 0.002  # largest share of the floor that may always shine without a ring
 MOST_UNSEEN = 0.05  # largest share of light of no ring: 0.01 where all were found, more with a rolling shutter
+MORE_FLASHES = 0.25  # flashes per robot that may be seen too often before T_sync
 ENOUGH_BEFORE = 1.8  # flashes per robot before T_sync above which their number shows whether some are missed
 GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dropped frame
 SHORTEST_FRAMES = 1.25  # mean duration of flashes, in frames, below which some are never seen
@@ -85,10 +86,13 @@ class Evidence(NamedTuple):
         """Number of robots: the given one, or the number that flash in a period of a swarm that is nearly in step."""
         return self.robots or self.periods.robots()
 
-    def cycles_at(self, time_s: float) -> float:
-        """Return the mean number of flashes of a robot, up to and including those around a time."""
+    def cycles_at(self, time_s: float) -> int:
+        """Return the mean number of flashes of a robot, up to and including those around a time, rounded up.
+
+        In simulated trials T_sync is that of the reference's flashes which finds the swarm in order.
+        """
         before = np.count_nonzero(self.flashes.onset_s <= time_s - self.period_s / 2)
-        return 1 + int(before) / max(self.swarm, 1)
+        return 1 + math.ceil(int(before) / max(self.swarm, 1) - MORE_FLASHES)
 
     @property
     def most_lit(self) -> int:

@@ -95,7 +95,7 @@ def test_snapshots_and_panels_show_counts_spreads_synchrony_the_threshold_and_ri
         assert {periods, LONG.t_sync_periods} <= set(places)
     assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in detector.get_lines())
     told = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert told == ["threshold: 126 ms", "T_sync: 3.4 cycles, 2.5 s", f"by the histogram: {periods:.1f} periods"]
+    assert told == ["threshold: 126 ms", "T_sync: 4 cycles, 2.5 s", f"by the histogram: {periods:.1f} periods"]
     first = panels(draw_track(LONG, PICTURE))[0]
     circles = [each for each in first.patches if isinstance(each, Circle)]
     assert [(*circle.center, circle.radius) for circle in circles] == [ring[3:6] for ring in RINGS]

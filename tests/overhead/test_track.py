@@ -154,7 +154,7 @@ def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
     assert score.found + score.missed > 20
     assert (score.recall >= 0.95, score.precision >= 0.99, score.rms_cm <= 0.4) == (True, True, True), score
     assert track.reasons == ()
-    assert track.t_sync_cycles == pytest.approx(3, abs=0.25)
+    assert track.t_sync_cycles == 3
 
 
 def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_path: Path) -> None:

@@ -111,9 +111,9 @@ def test_flashes_until_synchrony_count_for_each_robot() -> None:
     track = analysed(times_s, counted(np.concatenate([onsets, both]), 0.1, times_s), TrackOptions(period_s=1.0))
     assert track.robots_seen == 2
     assert track.histogram_s == pytest.approx(7.15, abs=1 / RATE)
-    assert track.t_sync_cycles == pytest.approx(9, abs=0.3)
-    three = counted(np.concatenate([onsets, both, onsets]), 0.1, times_s)
-    assert analysed(times_s, three, TrackOptions(period_s=1.0, robots=3)).t_sync_cycles == pytest.approx(9, abs=0.3)
+    assert track.t_sync_cycles == 9
+    three = counted(np.concatenate([onsets, both, onsets[1:]]), 0.1, times_s)  # on average 8.7
+    assert analysed(times_s, three, TrackOptions(period_s=1.0, robots=3)).t_sync_cycles == 9
 
 
 def test_a_swarm_may_synchronise_never_or_late() -> None:
