@@ -139,7 +139,7 @@ def objections(evidence: Evidence) -> list[str]:
                 f"the film ends too early to tell: at its last flashes the order parameter is at least {least:.2f}; "
                 f"film for one more period of {period_s:.4g} s (`run` does with stop.further_cycles=2)"
             )
-    return found + _about_light(evidence)
+    return found + _about_light(evidence)[0]
 
 
 def _about_robots(evidence: Evidence) -> list[str]:
@@ -185,25 +185,28 @@ def moves_cm(evidence: Evidence) -> tuple[float, float]:
     return one_cm, two_cm
 
 
-def _about_light(evidence: Evidence) -> list[str]:
-    """Return contradictions between the rings and the total light, which depends on neither shapes nor sizes."""
+def _about_light(evidence: Evidence) -> tuple[list[str], list[str]]:
+    """Return reasons and doubts: contradictions between rings and the total light, which depends on no shape or size.
+
+    Light that is spread where rings are in step is a doubt: `_about_robots` objects if these are few.
+    """
     counted, sync = evidence.counted, evidence.sync
     by_light = np.rint(rings_by_light(counted.areas_px, counted.counts)).astype(np.int64)
     if not by_light.any():
-        return []
+        return [], []
     found = synchrony.evaluate(counted.times_s, by_light, evidence.period_s)
     whole = [each for each in found if each.coverage >= synchrony.MIN_COVERAGE]
     narrow_s = [each.time_s for each in whole if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
     sync_s, late_s = math.inf if sync is None else sync.time_s, LATE_PERIODS * evidence.period_s
     near_s = [each.spread_s for each in whole if abs(each.time_s - sync_s) <= late_s]
-    if narrow_s and narrow_s[0] < sync_s - late_s:
-        off = f"is synchronised at {narrow_s[0] - counted.start_s:.1f} s, but the rings that are found are not"
-    elif near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:
-        off = f"is spread by {1000 * min(near_s):.0f} ms where the rings that are found are synchronised"
-    else:
-        return []
     blame = "rings are missed, or something else is lit; give --corners, --arena-cm and --height-cm"
-    return [f"the total light {off}: {blame}"]
+    if narrow_s and narrow_s[0] < sync_s - late_s:
+        at = f"is synchronised at {narrow_s[0] - counted.start_s:.1f} s, but the rings that are found are not"
+        return [f"the total light {at}: {blame}"], []
+    if near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:
+        spread = f"is spread by {1000 * min(near_s):.0f} ms where the rings that are found are synchronised"
+        return [], [f"the total light {spread}: {blame}"]
+    return [], []
 
 
 def rings_by_light(areas_px: IntArray, counts: IntArray) -> FloatArray:
@@ -289,7 +292,7 @@ def doubts(evidence: Evidence) -> list[str]:
             f"flashes that may be mirror images in the walls: {images}; they come with their robots' own flashes "
             "and do not change T_sync, but are counted as robots; give the floor's corners by --corners"
         )
-    return found + _doubts_about_numbers(evidence)
+    return found + _about_light(evidence)[1] + _doubts_about_numbers(evidence)
 
 
 def _doubts_about_frames(evidence: Evidence) -> list[str]:
