@@ -20,6 +20,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.geometry import polygon_area
 from epuck_sim.overhead.camera import (
+    CORNERS,
     LOOKING_DOWN,
     REFERENCE_HEIGHT_CM,
     REFERENCE_SIDE_CM,
@@ -40,7 +41,6 @@ from epuck_sim.scenario.overhead import OverheadSection
 
 DESCRIPTION = "the film's description"
 LIGHT = "the floor's corners in the lit beginning"
-CORNERS = "the corners given"
 RINGS = "the size and shape of the rings, with the camera aimed at the arena's middle"
 
 LIT_FRAMES = 30  # frames of a lit beginning in which the floor is searched: in some, a hand may hide its corners

@@ -131,6 +131,9 @@ class CameraModel(NamedTuple):
         return self.back_project(pixels, z_cm).reshape(self.height_px, self.width_px, 2).astype(np.float32)
 
 
+CORNERS = "the corners given"  # a calibration by which the floor is where the user says
+
+
 class Geometry(NamedTuple):
     """The camera that took a film, where the floor is in its pictures, and how well both are known."""
 

@@ -8,6 +8,7 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead import LEAST_ORDER, synchrony
+from epuck_sim.overhead.camera import CORNERS
 from epuck_sim.overhead.flashes import CountedRings, FlashTable
 from epuck_sim.overhead.identities import SURE, link_flashes
 from epuck_sim.overhead.rings import DISC_LIGHT
@@ -85,6 +86,10 @@ class Evidence(NamedTuple):
     def swarm(self) -> int:
         """Number of robots: the given one, or the number that flash in a period of a swarm that is nearly in step."""
         return self.robots or self.periods.robots()
+
+    def unless_corners(self, hint: str) -> str:
+        """Return a hint to give the floor's corners; it is empty if they are given."""
+        return "" if self.counted.geometry.calibration == CORNERS else hint
 
     def cycles_at(self, time_s: float) -> int:
         """Return the mean number of flashes of a robot, up to and including those around a time, rounded up.
@@ -199,7 +204,8 @@ def _about_light(evidence: Evidence) -> tuple[list[str], list[str]]:
     narrow_s = [each.time_s for each in whole if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
     sync_s, late_s = math.inf if sync is None else sync.time_s, LATE_PERIODS * evidence.period_s
     near_s = [each.spread_s for each in whole if abs(each.time_s - sync_s) <= late_s]
-    blame = "rings are missed, or something else is lit; give --corners, --arena-cm and --height-cm"
+    hint = evidence.unless_corners("; give --corners, --arena-cm and --height-cm")
+    blame = f"rings are missed, or something else is lit{hint}"
     if narrow_s and narrow_s[0] < sync_s - late_s:
         at = f"is synchronised at {narrow_s[0] - counted.start_s:.1f} s, but the rings that are found are not"
         return [f"the total light {at}: {blame}"], []
@@ -247,12 +253,12 @@ def doubts(evidence: Evidence) -> list[str]:
     if evidence.lit_always:
         found.append(
             f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}; check "
-            "--period-s, or leave out lamps beside the floor by --corners"
+            f"--period-s{evidence.unless_corners(', or leave out lamps beside the floor by --corners')}"
         )
     elif counted.dazzled > MOST_DAZZLED:
         found.append(
             f"{100 * counted.dazzled:.1f} % of the floor always shines as brightly as rings, which are not seen there: "
-            "switch lamps and screens off, or leave them out by --corners"
+            f"switch lamps and screens off{evidence.unless_corners(', or leave them out by --corners')}"
         )
     if counted.outside:
         found.append(
@@ -269,7 +275,7 @@ def doubts(evidence: Evidence) -> list[str]:
         found.append(
             f"{100 * share:.0f} % of the light is from no ring that was found: rings are burnt out, dim, of another "
             "size or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and "
-            "more frames per second, or give the corners by --corners"
+            f"more frames per second{evidence.unless_corners(', or give the corners by --corners')}"
         )
     ring_size = geometry.ring_size
     if math.isnan(ring_size) and any(counted.rings):  # described: the film may have been scaled or cropped since
@@ -335,7 +341,8 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     if usual < swarm and not found:
         found.append(
             f"before T_sync {usual:g} flashes are usually seen in a period, but {swarm} robots "
-            "flash once or more: some are missed, and T_sync is too low; give --corners, or fix the exposure"
+            "flash once or more: some are missed, and T_sync is too low; "
+            f"fix the exposure{evidence.unless_corners(', or give --corners')}"
         )
     periods = (end_s - begin_s) / period_s
     if not evidence.period_is_given and periods < ENOUGH_PERIODS:

@@ -16,7 +16,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import flashes, verdict
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.camera import Frame, Light
+from epuck_sim.overhead.camera import CORNERS, Frame, Light
 from epuck_sim.overhead.compare import track_trial
 from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, LightMeter, RingCounter, count_lit
 from epuck_sim.overhead.rings import DISC_LIGHT, Ring, is_lit
@@ -380,6 +380,14 @@ SHOWN = evidence(robots=None, period_is_given=False)
 def test_what_is_doubtful_is_said(given: Evidence, doubt: str) -> None:
     found = doubts(given)
     assert any(doubt in each for each in found) if doubt else not found, found
+
+
+@pytest.mark.parametrize("given", [filmed(counts=CUT), filmed(dazzled=0.1), evidence(lit_always=2), evidence(MISSED)])
+def test_corners_that_are_given_are_not_asked_for(given: Evidence) -> None:
+    for by, is_asked in (("somewhere", True), (CORNERS, False)):
+        geometry = make_geometry()._replace(calibration=by)
+        found = doubts(given._replace(counted=given.counted._replace(geometry=geometry)))
+        assert any("--corners" in each for each in found) == is_asked, found
 
 
 def test_light_of_no_ring_is_measured_mirror_images_counted_and_places_near_each_other_one() -> None:
