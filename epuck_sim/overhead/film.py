@@ -82,7 +82,7 @@ class Film:
         """Frames per second that the file declares."""
         self._clock = FilmClock(1 / self.rate)
         self._damaged = 0
-        self._ended_early = ""
+        self.ended_early = ""  # what is to be said of a file that could not be read to its end
         decoded = self._decode()
         first = next(decoded, None)
         if first is None:
@@ -102,7 +102,7 @@ class Film:
     @property
     def warnings(self) -> list[str]:
         """Defects of the frames read so far, and of the film's end once all frames have been read."""
-        found = [self._ended_early] if self._ended_early else []
+        found = [self.ended_early] if self.ended_early else []
         if self._damaged:
             found.append(f"damaged frames: {self._damaged}; they were left out or patched from their neighbours")
         return found + self._clock.warnings()
@@ -115,7 +115,7 @@ class Film:
             try:
                 packet = next(packets, None)
             except FFmpegError as error:
-                self._ended_early = f"the film cannot be read to its end: {error.strerror}"
+                self.ended_early = f"the film cannot be read to its end: {error.strerror}"
                 packet = None
             try:
                 pictures = self._stream.decode(packet)
@@ -145,8 +145,8 @@ class Film:
             lasted_s = float(picture.duration * unit_s) if picture.duration and unit_s else 0.0
         usual_s = self._clock.average_s
         read_s = self._clock.last_s + max(lasted_s, usual_s)
-        if not self._ended_early and (self.duration_s or 0.0) - read_s > max(EARLY_S, 3 * usual_s):
-            self._ended_early = (
+        if not self.ended_early and (self.duration_s or 0.0) - read_s > max(EARLY_S, 3 * usual_s):
+            self.ended_early = (
                 f"the film ends early: {read_s:.1f} of {self.duration_s:.1f} s could be read; the file was cut off "
                 "or is damaged"
             )

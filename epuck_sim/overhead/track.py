@@ -138,11 +138,12 @@ def track_film(
                 reader.read(frame)
         warnings = (*doubts, *film.warnings)
     counted = counter.counted()
-    if reader is None:
-        return analyse(name, counted, options, warnings)
-    # where tags can be read, robots are bright, too: the total light says nothing about rings
-    track = analyse(name, counted._replace(areas_px=np.zeros_like(counted.areas_px)), options, warnings)
-    return track._replace(tags=reader.readings(track.start_s))
+    if reader is not None:  # where tags can be read, robots are bright, too: the total light says nothing about rings
+        counted = counted._replace(areas_px=np.zeros_like(counted.areas_px))
+    track = analyse(name, counted, options, warnings)
+    if film.ended_early and track.t_sync_s is None:
+        track = track._replace(confidence="none", reasons=(film.ended_early, *track.reasons))
+    return track if reader is None else track._replace(tags=reader.readings(track.start_s))
 
 
 def track_frames(

@@ -7,7 +7,7 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead import LEAST_ORDER, synchrony
+from epuck_sim.overhead import synchrony
 from epuck_sim.overhead.camera import CORNERS
 from epuck_sim.overhead.flashes import CountedRings, FlashTable
 from epuck_sim.overhead.identities import SURE, link_flashes
@@ -22,6 +22,7 @@ NEAR_ORDER = 0.75
 """Least order parameter at the last flashes of a film whose swarm may be synchronised, as flashes after its end may
 advance phases. Of 400 trials of `thesis` that ended with T_sync 166 did not show it, and all of these had more, as had
 34 % of 1,714 that were cut before."""
+WORTH_NAMING = 0.8  # least order parameter that messages propose: with less, a swarm is hardly synchronised
 LIGHT_TOLERANCE = 1.5  # factor by which spreads by the total light and by rings may differ without contradiction
 LATE_PERIODS = 0.75  # largest time, in periods, by which the total light may be synchronised before the rings
 MOST_BURNT = 0.15  # largest share of the flashes that may be burnt out to discs
@@ -395,5 +396,5 @@ def why_never(evidence: Evidence) -> str:
     if not most:
         return "no period has flashes of most robots, and a robot that flashes alone is in step with nobody"
     least = math.floor(100 * most) / 100
-    enough = f"; --order-parameter {least:g} would be met" if least >= LEAST_ORDER else ""
+    enough = f"; --order-parameter {least:g} would be met" if least >= WORTH_NAMING else ""
     return f"the order parameter was {most:.3f} at most, {evidence.order_parameter:g} is needed{enough}"

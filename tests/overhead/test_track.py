@@ -74,6 +74,12 @@ def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path)
     assert any("frames were dropped" in warning for warning in track.warnings)
 
 
+def test_a_film_that_was_cut_off_does_not_say_never(tmp_path: Path) -> None:
+    path = films.cut_off(Path(save(tmp_path / "cut.mp4", reel())), 0.5)
+    track = track_film(str(path), TrackOptions(period_s=1.0), None, passed)
+    assert (track.t_sync_s, track.confidence, track.reasons[0][:19]) == (None, "none", "the film ends early")
+
+
 def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_path: Path) -> None:
     for number, frame in enumerate(reel()[:40]):
         cv2.imwrite(str(tmp_path / f"{7 + number}.png"), frame.picture[..., ::-1])

@@ -163,7 +163,7 @@ def test_order_parameter_decides_when_the_swarm_is_synchronised_and_is_named_if_
     strict, loose = (analysed(times_s, counts, TrackOptions(period_s=1.0, order_parameter=r)) for r in (0.9999, 0.9))
     assert loose.t_sync_s == pytest.approx(0.55, abs=0.05)
     assert strict.t_sync_s == pytest.approx(5.5, abs=0.1)
-    for phases, is_named in (((0.1, 0.1, 0.1, 0.35), True), ((0.1, 0.35, 0.6, 0.85), False)):
+    for phases, is_named in (((0.1, 0.1, 0.1, 0.3), True), ((0.1, 0.1, 0.1, 0.35), False)):
         onsets = (np.arange(7)[:, None] + np.array(phases)).ravel()
         assert ("; --order-parameter" in why_never(evidence(onsets))) == is_named
 
