@@ -227,13 +227,15 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
             "wide, and is the exposure long enough? If --corners, --arena-cm, --height-cm, --start-s or --end-s were "
             "given, check them; if this package made the film and it was scaled or cropped since, give --arena-cm"
         )
+    is_late = 2 * len(times_s) < counted.frames
+    lit = f" (the room seems lit until {start_s:.3g} s: switch lamps off)" if is_late else ""
     if len(times_s) < 2:
-        raise FilmError(f"{film}: its trial is one frame long; allowed: two or more, preferably several periods")
+        raise FilmError(f"{film}: its trial is one frame long{lit}; allowed: two or more, preferably several periods")
     flashes, steady, counts = without_steady(counted.flashes, times_s, counted.counts, options.period_s)
     period_s = options.period_s or synchrony.estimate_period_s(times_s, counts)
     if period_s is None:
         raise FilmError(
-            f"{film}: the period cannot be estimated from {times_s[-1] - times_s[0]:.3g} s of film, because the "
+            f"{film}: the period cannot be estimated from {times_s[-1] - times_s[0]:.3g} s of film{lit}, because the "
             "flashes do not clearly repeat; give --period-s"
         )
     flash_s = _flash_s(times_s, counts, period_s)

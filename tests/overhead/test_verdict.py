@@ -176,6 +176,8 @@ def test_a_film_without_light_in_the_dark_is_refused_and_a_trial_of_two_frames_h
             analysed(np.arange(frames) / RATE, counts, told, lit_until_s=(lit - 0.5) / RATE)
     with pytest.raises(FilmError, match=r"^film: its trial is one frame long"):
         analysed([0.0], [3], told)
+    with pytest.raises(FilmError, match=r"from 0\.\d+ s of film \(the room seems lit until 1\.2 s: switch lamps off\)"):
+        analysed(np.arange(60) / RATE, np.full(60, 3), lit_until_s=1.19)
     for counts in ([3, 3], [0, 3], [3, 0]):
         track = analysed([0.0, 0.1], counts, told)
         assert (track.histogram_s, track.evaluations) == (None, ())
