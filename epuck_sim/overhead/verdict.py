@@ -28,7 +28,7 @@ LATE_PERIODS = 0.75  # largest time, in periods, by which the total light may be
 MOST_BURNT = 0.15  # largest share of the flashes that may be burnt out to discs
 MOST_DAZZLED = 0.002  # largest share of the floor that may always shine without a ring
 MOST_UNSEEN = 0.05  # largest share of light of no ring: 0.01 where all were found, more with a rolling shutter
-MORE_FLASHES = 0.25  # flashes per robot that may be seen too often before T_sync
+MORE_FLASHES = 0.25  # flashes per robot that may be seen too often before T_sync, which is a whole number, as for `run`
 ENOUGH_BEFORE = 1.8  # flashes per robot before T_sync above which their number shows whether some are missed
 GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dropped frame
 SHORTEST_FRAMES = 1.25  # mean duration of flashes, in frames, below which some are never seen
@@ -93,10 +93,7 @@ class Evidence(NamedTuple):
         return "" if self.counted.geometry.calibration == CORNERS else hint
 
     def cycles_at(self, time_s: float) -> int:
-        """Return the mean number of flashes of a robot, up to and including those around a time, rounded up.
-
-        In simulated trials T_sync is that of the reference's flashes which finds the swarm in order.
-        """
+        """Return the mean number of flashes of a robot, up to and including those around a time, rounded up."""
         before = np.count_nonzero(self.flashes.onset_s <= time_s - self.period_s / 2)
         return 1 + math.ceil(int(before) / max(self.swarm, 1) - MORE_FLASHES)
 
@@ -192,10 +189,7 @@ def moves_cm(evidence: Evidence) -> tuple[float, float]:
 
 
 def _about_light(evidence: Evidence) -> tuple[list[str], list[str]]:
-    """Return reasons and doubts: contradictions between rings and the total light, which depends on no shape or size.
-
-    Light that is spread where rings are in step is a doubt: `_about_robots` objects if these are few.
-    """
+    """Return reasons, and doubts: contradictions of rings by the total light, which needs no shapes or sizes."""
     counted, sync = evidence.counted, evidence.sync
     by_light = np.rint(rings_by_light(counted.areas_px, counted.counts)).astype(np.int64)
     if not by_light.any():
@@ -210,7 +204,7 @@ def _about_light(evidence: Evidence) -> tuple[list[str], list[str]]:
     if narrow_s and narrow_s[0] < sync_s - late_s:
         at = f"is synchronised at {narrow_s[0] - counted.start_s:.1f} s, but the rings that are found are not"
         return [f"the total light {at}: {blame}"], []
-    if near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:
+    if near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:  # that few are in step is a reason of its own
         spread = f"is spread by {1000 * min(near_s):.0f} ms where the rings that are found are synchronised"
         return [], [f"the total light {spread}: {blame}"]
     return [], []

@@ -4,8 +4,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from contextlib import nullcontext
 from functools import partial
@@ -228,8 +226,8 @@ def test_the_description_of_our_films_replaces_options_and_geometry_that_is_give
 
 def test_a_film_is_tracked_and_drawn_without_numba_and_pymunk(shelf, here) -> None:
     script = LOADED.format(table=[(f"track {shelf / 'swarm.mp4'} --plot {here / 'p.png'}", ["numba", "pymunk"])])
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert result.stdout.splitlines()[-1] == "loaded []"
+    output, _ = start([COMMAND[0], "-c", script]).communicate()
+    assert output.splitlines()[-1] == "loaded []"
 
 
 def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, plain, here) -> None:
