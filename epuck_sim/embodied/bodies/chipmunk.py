@@ -284,6 +284,14 @@ def function_addresses() -> list[int]:
     return list(map(_value, functions.values()))
 
 
+def _check_structs() -> None:
+    """Raise AttributeError or TypeError if this pymunk's objects have other C structs than expected."""
+    body, other = pymunk.Body(1, 1), pymunk.Body(1, 1)
+    for thing in (body, pymunk.Circle(body, 1), pymunk.Poly.create_box(body), pymunk.PivotJoint(body, other, (0, 0))):
+        if ffi.typeof(_struct(thing)) is not ffi.typeof(f"cp{_KINDS[type(thing)]} *"):
+            raise TypeError(f"its {type(thing).__name__} has another C struct")
+
+
 # --- by pymunk's public interface -----------------------------------------------------------------------
 
 
@@ -321,6 +329,7 @@ def reason_for_public_way() -> str:
         return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
     try:
         function_addresses()
+        _check_structs()
     except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
         return str(error)
     return ""

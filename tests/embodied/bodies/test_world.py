@@ -355,6 +355,7 @@ def test_outcomes_are_equal_to_the_bit(patches):
     [
         (lambda to: to.setitem(chipmunk.FUNCTIONS, "cpSpaceFly", ("void(*)(cpSpace *)", None)), "cpSpaceFly"),
         (lambda to: to.setattr(chipmunk, "ffi", None), "addressof"),
+        (lambda to: to.setitem(chipmunk._KINDS, chipmunk.pymunk.Body, "Corps"), "'_corps'"),
         (lambda to: to.setattr(chipmunk.platform, "machine", lambda: "vax"), "vax"),
     ],
 )
