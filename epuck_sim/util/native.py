@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from importlib.metadata import version
+from operator import attrgetter
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -44,7 +45,13 @@ try:
     from numba.core.untyped_passes import InlineClosureLikes
     from numba.extending import intrinsic, models, register_model
     from numba.np.arrayobj import array0d_to_scalar, populate_array
-except ImportError as error:
+
+    attrgetter("make_function")(_dynfunc)
+    attrgetter("RecordingListener", "register")(event)
+    attrgetter("if_unlikely", "unpack_tuple", "pointer_add", "gep")(cgutils)
+    attrgetter("_load_index", "_load_data", "_data_path", "_open_for_write")(IndexDataCacheFile)
+    attrgetter("_optimize_final_module", "_finalize_final_module", "_get_module_for_linking")(JITCodeLibrary)
+except (ImportError, AttributeError) as error:
     said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
     raise NumbaError(said) from error
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]

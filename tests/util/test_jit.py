@@ -252,6 +252,7 @@ def test_another_numba_is_told_in_a_sentence_with_what_to_install(tmp_path) -> N
     lacking = "import numba.core.caching as lacking; del lacking.IndexDataCacheFile"
     for other, said in (
         (lacking, "cannot import name 'IndexDataCacheF"),
+        (f"{lacking}._data_path", "has no attribute '_data_path'"),
         ("import sys; sys.modules['numba'] = None", "import of numba halted"),
     ):
         (tmp_path / "sitecustomize.py").write_text(other)
