@@ -40,7 +40,7 @@ def cache_root(*, to_fill: bool = False) -> Path:
     except (OSError, RuntimeError) as error:  # there is no home, or no room: compile once a machine, not once a run
         reason = getattr(error, "strerror", None) or str(error)
     instead = _temporary_root()
-    if chosen:
+    if chosen and not (to_fill and cache_root() == instead):  # which has said so
         warnings.warn(f"NUMBA_CACHE_DIR {chosen}: {reason}; compiled code is kept in {instead}", stacklevel=2)
     return instead
 

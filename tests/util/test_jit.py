@@ -358,6 +358,11 @@ def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tm
         with pytest.warns(UserWarning, match="chosen: File too large; compiled code is kept in"):
             assert root() == tmp_path / f"epuck-sim-{USER}"
         assert cache_root() == chosen  # for what it holds already, nothing is written
+        cache_root.cache_clear()
+        chosen.chmod(0o777)
+        with pytest.warns(UserWarning, match="chosen: other users can write to it") as said:
+            assert cache_root() == cache_root(to_fill=True)
+        assert len(said) == 1
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         signal.signal(signal.SIGXFSZ, ignored)
