@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from rich.console import Console
@@ -28,7 +29,7 @@ REFRESH_S = 0.2  # seconds between two updates on a terminal
 LINE_S = 10.0  # seconds between two lines in a log
 
 COMPILING_S, COMPILING_IN_A_LOG_S = 1.0, 4.0
-"""Seconds between two looks at how much is compiled, on a terminal, and before the only one in a log."""
+"""Seconds between two looks at how much is compiled, on a terminal and in a log."""
 
 AT_WORK_S = 10.0  # seconds between two looks at whose code is running
 FEWER_CYCLES = 300  # limit of cycles that is proposed for trials that look hopeless
@@ -80,16 +81,16 @@ class TrialProgress(_ProgressLine):
         self._tell_of_what_never_returns()
 
     def _tell_of_compiling(self) -> None:
-        """Show how much is compiled, if anything is: again and again on a terminal, once in a log."""
+        """Show how much is compiled, if anything is: again and again on a terminal, once for each file in a log."""
+        told: set[Path | None] = set()
         while not self._is_ready.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
             native: Any = sys.modules.get("epuck_sim.util.native")  # loaded when something compiles, perhaps now
             done, planned = native.count_compiled() if hasattr(native, "compiled_now") else (0, 0)
-            if done < planned:
-                file = native.compiled_now()
+            file = native.compiled_now() if done < planned else None
+            if done < planned and (self._bar or file not in told):
+                told.add(file)
                 now = f", now {file.name}" if file else ""
                 self.show(f"compiled {done} of {planned} functions so far{now}; later runs reuse them")
-                if self._bar is None:
-                    return
 
     def _tell_of_what_never_returns(self) -> None:
         """Warn, once a trial, if a robot's controller or sensor is still at the same step at the next look."""

@@ -4,6 +4,7 @@ import json
 import re
 from contextlib import suppress
 from io import StringIO
+from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
 
@@ -253,3 +254,14 @@ def test_what_is_compiled_is_counted_with_all_that_it_calls_and_said_while_it_is
         assert len(said) == times_said
         assert all(done <= int(compiled) < int(of) <= planned + 2 for compiled, of in said)
         assert native.count_compiled() == (done + 2, planned + 2)
+
+
+def test_a_log_names_each_file_once_that_takes_long_to_compile(monkeypatch, capsys) -> None:
+    looks = [None, None, Path("mine.py"), Path("mine.py"), None]
+    monkeypatch.setattr(progress, "COMPILING_IN_A_LOG_S", 0.001)
+    monkeypatch.setattr(native, "count_compiled", lambda: (1, 2))
+    monkeypatch.setattr(native, "compiled_now", lambda: looks.pop(0) if looks[1:] else shown._is_ready.set())
+    with progress.TrialProgress(1, load_scenario("pair").stop) as shown:
+        assert shown._is_ready.wait(10)
+    said = "compiled 1 of 2 functions so far{}; later runs reuse them\n"
+    assert capsys.readouterr().err == said.format("") + said.format(", now mine.py")
