@@ -193,11 +193,11 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
 
 
 def problems_in(
-    kind: type[ConfigModel], error: ValidationError, keys: Sequence[str] = (), owners: Mapping[str, str] | None = None
+    kind: type[ConfigModel], error: ValidationError, keys: Sequence[str] = (), others: Sequence[type[ConfigModel]] = ()
 ) -> Iterator[tuple[str, str]]:
     """Yield the dotted key and the message of each error in a section of class `kind`.
 
-    An unknown key may be meant as one of `keys`, or belong to another model: `owners` has models by key.
+    An unknown key may be meant as one of `keys`, or belong to another model, whose class is one of `others`.
     """
     for detail in error.errors():
         given, wrong, context = detail["input"], detail["type"], detail.get("ctx", {})
@@ -213,8 +213,8 @@ def problems_in(
         said = f"is {short_repr(given)}{f', did you mean {near!r}?' if near else ''}; allowed: {allowed}"
         if wrong == "missing":
             said = "is missing"
-        elif wrong == "extra_forbidden" and owners and key in owners:
-            said = f"belongs to model: {owners[key]}; give that model, or leave it out"
+        elif wrong == "extra_forbidden" and (owner := _owner(path, others)):
+            said = f"belongs to model: {owner}; give that model, or leave it out"
         elif wrong == "extra_forbidden":
             known = list(around[0].model_fields) if around else []
             inside = [each for each in keys if each.startswith("".join(f"{part}." for part in path[:-1]))]
@@ -223,6 +223,12 @@ def problems_in(
         elif wrong == "value_error" and isinstance(given, dict):  # of a whole section: what is said names the key
             said = allowed
         yield key or said.split()[0], f"{key}: {said}" if key else said
+
+
+def _owner(path: Sequence[str], kinds: Sequence[type[ConfigModel]]) -> str | None:
+    """Return the model of the first of these classes of scenarios that has a key at this path; None without any."""
+    have = [kind for kind in kinds if any(path[-1] in section.model_fields for section in _place(path, kind)[1])]
+    return next((model for kind in have for model in get_args(kind.model_fields["model"].annotation)), None)
 
 
 def _place(

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field, ValidationError, model_serializer, model_validator
 
@@ -223,9 +223,8 @@ class Scenario(ConfigModel):
         try:
             return cls.model_validate(given)
         except ValidationError as error:
-            models = {kind: get_args(kind.model_fields["model"].annotation) for kind in Scenario.__subclasses__()}
-            owners = {key: model for kind, names in models.items() for model in names for key in kind.model_fields}
-            problems = problems_in(cls, error, cls.all_keys(given), owners)
+            others = [each for each in Scenario.__subclasses__() if each is not cls]
+            problems = problems_in(cls, error, cls.all_keys(given), others)
             raise ScenarioError("\n".join(f"{origin}: {said}" for _, said in problems)) from error
 
     @property
