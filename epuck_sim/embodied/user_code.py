@@ -102,6 +102,8 @@ class UserCode(ABC):
         place = self._line_again(error, robot) if self._is_compiled else line_of_error(error, self._user.sources)
         if place is None:
             place, error = self._without_line(error, robot)
+        if isinstance(error, FloatingPointError) and "divide" in str(error):  # numpy's of 1 / 0
+            error = ZeroDivisionError("division by zero")
         self._scene.serving, self._scene.sensing = -1, 0
         return RobotError(self._user, robot, error, place)
 

@@ -116,7 +116,7 @@ OSCILLATES = source('"phase_ms": float, "drawn": float').replace("left_over", "p
         (True, "PARAMETERS = {\n", "mine.py:1: cannot be loaded: SyntaxError"),
         (False, source(rise="wiat"), "mine.py:11: cannot be compiled"),
         (False, DIVIDES, "mine.py:14: ZeroDivisionError"),
-        (True, DIVIDES, "mine.py:14: FloatingPointError"),
+        (True, DIVIDES, "mine.py:14: ZeroDivisionError: division by zero"),
         (True, source(right="float('nan')"), "mine.py: sets right_cm_s to a value that is not a number"),
         (True, OSCILLATES, "has become an oscillator"),
         (True, source() + 'EXTERNAL = ("ring",)\n', "EXTERNAL has changed from () to ('ring',)"),
