@@ -28,9 +28,6 @@ SHARED = ("util", "control")
 VALUE_FILES = ("arena.py", "elementary.py", "epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
 """Files without kernels on whose functions, constants, types or ways of compiling compiled code depends."""
 
-WITHOUT_ALLOCATION = {"_nrt": False}
-"""Option of numba with which a function that allocates an array is refused, and nothing counts references."""
-
 _redirecting = threading.Lock()
 
 
@@ -96,14 +93,16 @@ def name_after(function: Any, contents_digest: str) -> Any:
     return function
 
 
-def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:
+def compile_cached(
+    function: Function, contents_digest: str, *, careful: bool, allocates: bool = True, **options: object
+) -> Function:
     """Return `function` compiled without fast-math and parallel loops, kept under the digest of all it depends on.
 
     If `careful`, a division by 0 and an index out of bounds raise, as in Python; else they are undefined.
     """
     from numba import config, njit
 
-    from epuck_sim.util.native import seal_cache
+    from epuck_sim.util.native import WITHOUT_ALLOCATION, seal_cache
 
     with _redirecting:  # numba reads the folder once, when a function is decorated
         settings = vars(config)
@@ -111,6 +110,7 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
         settings["CACHE_DIR"] = str(open_cache(contents_digest))
         try:
             compiler: Any = njit  # its types lack some of its options
+            options |= {} if allocates else WITHOUT_ALLOCATION
             choices = {"cache": True, "nogil": True, "boundscheck": careful, "no_cfunc_wrapper": True}
             compiled = compiler(error_model="python" if careful else "numpy", **choices, **options)(function)
             seal_cache(compiled)
@@ -122,7 +122,7 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
 class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
-    def __init__(self, function: Any, **options: object) -> None:
+    def __init__(self, function: Any, **options: Any) -> None:
         self.function, self._options = function, options
         self.__doc__ = function.__doc__
 
@@ -138,12 +138,6 @@ class Kernel:
 
         return compile_part(self.function, error_model="numpy", **self._options)
 
-    @property
-    def _numba_type_(self) -> Any:
-        from numba import typeof
-
-        return typeof(self.part)
-
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
         return self.for_python(*arguments)
@@ -156,9 +150,9 @@ def jit(function: Function) -> Function:
 
 def jit_no_alloc(function: Function) -> Function:
     """Return a kernel that allocates no arrays, nor does what it calls: counting references takes long."""
-    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION))
+    return cast(Function, Kernel(function, allocates=False))
 
 
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
-    return cast(Function, Kernel(function, forceinline=True, **WITHOUT_ALLOCATION))
+    return cast(Function, Kernel(function, allocates=False, forceinline=True))

@@ -26,12 +26,12 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.errors import NumbaError
-from epuck_sim.util.jit import PACKAGE, compile_cached, name_after, open_cache
+from epuck_sim.util.jit import PACKAGE, Kernel, compile_cached, name_after, open_cache
 
 try:
     import numba
     from llvmlite import binding, ir
-    from numba import _dynfunc, from_dtype, njit, types  # type: ignore[attr-defined]
+    from numba import _dynfunc, from_dtype, njit, typeof, types  # type: ignore[attr-defined]
     from numba.core import cgutils, event
     from numba.core.caching import IndexDataCacheFile
     from numba.core.codegen import JITCodeLibrary
@@ -43,12 +43,11 @@ try:
     from numba.core.runtime.nrt import rtsys
     from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
     from numba.core.untyped_passes import InlineClosureLikes
-    from numba.extending import intrinsic, models, register_model
+    from numba.extending import intrinsic, models, register_model, typeof_impl
     from numba.np.arrayobj import array0d_to_scalar, populate_array
 
     attrgetter("make_function")(_dynfunc)
     attrgetter("RecordingListener", "register")(event)
-    attrgetter("if_unlikely", "unpack_tuple", "pointer_add", "gep")(cgutils)
     attrgetter("_load_index", "_load_data", "_data_path", "_open_for_write")(IndexDataCacheFile)
     attrgetter("_optimize_final_module", "_finalize_final_module", "_get_module_for_linking")(JITCodeLibrary)
 except (ImportError, AttributeError) as error:
@@ -69,6 +68,9 @@ ADDRESSES = types.Array(types.int64, 1, "C")  # numba's type of the addresses, i
 
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of numba's `njit` for functions that compiled code alone calls, which compile in two thirds of the time."""
+
+WITHOUT_ALLOCATION = {"_nrt": False}
+"""Option of numba with which a function that allocates an array is refused, and nothing counts references."""
 
 
 @lower_cast(types.float64, types.int64)  # type: ignore[untyped-decorator]
@@ -138,16 +140,20 @@ class _PartCompiler(CompilerBase):
         return [manager]
 
 
-def compile_part(function: Any, **options: object) -> Any:
+def compile_part(function: Any, *, allocates: bool = True, **options: object) -> Any:
     """Return a function that is compiled as part of others, by numba's `njit` with these options.
 
     Literal types are widened: numba would compile a part for each constant passed to it or first set in a variable.
     """
     compiler: Any = njit
+    options |= {} if allocates else WITHOUT_ALLOCATION
     part = compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
     find = part.get_call_template
     part.get_call_template = lambda given, named: find([*map(types.unliteral, given)], named)
     return part
+
+
+typeof_impl.register(Kernel)(lambda kernel, _: typeof(kernel.part))  # in compiled code a kernel is a part of others
 
 
 SHIPPED = PACKAGE / "compiled"  # folder of a release's compiled code, laid out as a cache folder is: see `make dist`
