@@ -189,7 +189,9 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
         found = classes or fitting or functions
         if len(found) != 1:
             given = place.name if place.package else file.path.name
-            raise MeasureError(f"{file.path}: holds {comma_list(known)}; give one of them as {given}:NAME")
+            several = f"{comma_list(known)}; give one of them as {given}:NAME"
+            none = "no measure: a class with a method `value`, or a function of a simulation"
+            raise MeasureError(f"{file.path}: holds {several if known else none}")
         (chosen,) = found
     if chosen not in file.parts:
         raise MeasureError(f"{file.path}: {did_you_mean(chosen, known)}; it holds {comma_list(known)}")
