@@ -36,7 +36,7 @@ from epuck_sim.statistics.statistic import (
     share_difference,
     student_estimate,
 )
-from epuck_sim.statistics.survival import MANY_TRIALS
+from epuck_sim.statistics.survival import are_drawn_by_kind
 from epuck_sim.util.messages import comma_list, counted
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
@@ -148,7 +148,7 @@ def _permutations(pooled: FloatArray, first: int, seed: int, count: int) -> Iter
     random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
     yield pooled[None]
     values, numbers = np.unique(pooled, return_counts=True)
-    if len(pooled) > max(MANY_TRIALS, 10 * len(values)):  # how many of each value are in a sample is sooner drawn
+    if are_drawn_by_kind(len(pooled), len(values)):
         for drawn in (random.multivariate_hypergeometric(numbers, first) for _ in range(count)):
             yield np.repeat(np.tile(values, 2), np.append(drawn, numbers - drawn))[None]
         return

@@ -20,7 +20,7 @@ from epuck_sim.estimate import LEVEL
 QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)  # number of standard errors that an interval reaches either way
 
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
-MANY_TRIALS = 10_000  # of more trials, in few kinds, numbers of each kind are drawn at once: the same distribution
+_MANY_TRIALS = 10_000  # of more trials, in few kinds, numbers of each kind are drawn at once: the same distribution
 _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above or below
 
 
@@ -65,6 +65,11 @@ def make_curve(times: npt.ArrayLike, observed: npt.ArrayLike) -> SurvivalCurves:
     return make_curves(sample, np.bincount(sample.cell)[None])
 
 
+def are_drawn_by_kind(trials: int, kinds: int) -> bool:
+    """Return whether trials are so many, and of so few kinds, that numbers of each kind are drawn sooner."""
+    return trials > max(_MANY_TRIALS, 10 * kinds)
+
+
 def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> Iterator[IntArray]:
     """Yield the number of trials of each kind in resamples, drawn with replacement (Efron 1979), block by block.
 
@@ -72,7 +77,7 @@ def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> I
     `resamples`.
     """
     random, n = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed))), len(cells)
-    draws_numbers = n > max(MANY_TRIALS, 10 * kinds)
+    draws_numbers = are_drawn_by_kind(n, kinds)
     shares = np.bincount(cells, minlength=kinds) / n
     drawn_at_once = kinds if draws_numbers else n
     for block in np.array_split(np.arange(resamples), max(1, resamples * drawn_at_once // _BLOCK_SIZE)):

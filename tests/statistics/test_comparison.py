@@ -12,7 +12,7 @@ from scipy import stats
 
 from epuck_sim.display.table import cell_text
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics import comparison
+from epuck_sim.statistics import comparison, survival
 from epuck_sim.statistics.comparison import compare, comparison_tables, contrast, match_points, match_values, pair_up
 from epuck_sim.statistics.statistic import Measured
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
@@ -160,7 +160,7 @@ def test_what_is_permuted_is_the_contrast_over_its_error(first, second) -> None:
 def test_many_trials_are_permuted_by_the_numbers_of_their_values_to_the_same_distribution(monkeypatch) -> None:
     pair = pair_up(measured([1, 2, 2, 3] * 20), measured([1, 1, 3, 4] * 15))
     usual = permuted(pair, 0, of_logarithms=True, count=4000)
-    monkeypatch.setattr(comparison, "MANY_TRIALS", 0)
+    monkeypatch.setattr(survival, "_MANY_TRIALS", 0)
     assert 0.01 < stats.ks_2samp(permuted(pair, 0, of_logarithms=True, count=4000)[1:], usual[1:]).pvalue < 1
 
 
