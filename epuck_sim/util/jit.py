@@ -93,16 +93,14 @@ def name_after(function: Any, contents_digest: str) -> Any:
     return function
 
 
-def compile_cached(
-    function: Function, contents_digest: str, *, careful: bool, allocates: bool = True, **options: object
-) -> Function:
+def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:
     """Return `function` compiled without fast-math and parallel loops, kept under the digest of all it depends on.
 
     If `careful`, a division by 0 and an index out of bounds raise, as in Python; else they are undefined.
     """
     from numba import config, njit
 
-    from epuck_sim.util.native import WITHOUT_ALLOCATION, seal_cache
+    from epuck_sim.util.native import seal_cache
 
     with _redirecting:  # numba reads the folder once, when a function is decorated
         settings = vars(config)
@@ -110,7 +108,6 @@ def compile_cached(
         settings["CACHE_DIR"] = str(open_cache(contents_digest))
         try:
             compiler: Any = njit  # its types lack some of its options
-            options |= {} if allocates else WITHOUT_ALLOCATION
             choices = {"cache": True, "nogil": True, "boundscheck": careful, "no_cfunc_wrapper": True}
             compiled = compiler(error_model="python" if careful else "numpy", **choices, **options)(function)
             seal_cache(compiled)
@@ -122,9 +119,15 @@ def compile_cached(
 class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
-    def __init__(self, function: Any, **options: Any) -> None:
-        self.function, self._options = function, options
+    def __init__(self, function: Any, *, allocates: bool = True, **options: object) -> None:
+        self.function, self._allocates, self._given = function, allocates, options
         self.__doc__ = function.__doc__
+
+    @property
+    def _options(self) -> dict[str, Any]:
+        from epuck_sim.util.native import WITHOUT_ALLOCATION
+
+        return self._given | ({} if self._allocates else WITHOUT_ALLOCATION)
 
     @cached_property
     def for_python(self) -> Any:

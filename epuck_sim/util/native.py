@@ -140,13 +140,12 @@ class _PartCompiler(CompilerBase):
         return [manager]
 
 
-def compile_part(function: Any, *, allocates: bool = True, **options: object) -> Any:
+def compile_part(function: Any, **options: object) -> Any:
     """Return a function that is compiled as part of others, by numba's `njit` with these options.
 
     Literal types are widened: numba would compile a part for each constant passed to it or first set in a variable.
     """
     compiler: Any = njit
-    options |= {} if allocates else WITHOUT_ALLOCATION
     part = compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
     find = part.get_call_template
     part.get_call_template = lambda given, named: find([*map(types.unliteral, given)], named)
