@@ -71,9 +71,11 @@ class Measure:
     def check_model(self, model: str, event_method: str) -> None:
         """Raise ValueError if it cannot measure trials of a model."""
         models = getattr(self.make, "MODELS", None)
-        if models is not None and model not in models:
-            raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
-        methods = [method for method in EVENT_METHODS if models is None and self.is_told(method)]
+        if models is not None:
+            if model not in models:
+                raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
+            return
+        methods = [method for method in EVENT_METHODS if self.is_told(method)]
         if methods and event_method not in methods:
             raise ValueError(
                 f"{self.name} has a method {methods[0]}, for {EVENT_METHODS[methods[0]]}; model: {model} calls "

@@ -127,8 +127,8 @@ def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] 
                 read = validate(json.loads(scenario), f"point {number}")
             except ScenarioError as error:
                 made = connection.execute("SELECT max(epuck_sim) FROM trials WHERE point = ?", (key,)).fetchone()
-                where = f"{folder}: the scenario of a point is of another version (its trials: {made[0] or 'none'})"
-                raise StoreError(f"{where}: {error}") from error
+                said = f"the scenario of a point is of another version (its trials: {made[0] or 'none'})"
+                raise StoreError(f"{folder}: {said}: {error}") from error
             cycles, censored, seeds = read_ends(connection, key)
             values: Iterable[Value] = ()
             if of == T_SYNC_S:
