@@ -12,12 +12,13 @@ from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_stderr, reject_first
 from epuck_sim.cli.options import argument, option, output_option
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead import LEAST_ORDER
 
 if TYPE_CHECKING:
     from epuck_sim.overhead.calibration import TrackOptions
 
 films = typer.Typer()
+
+LEAST_ORDER = 0.5  # least order parameter that may count as that of synchrony; a swarm at random often has less
 
 film_option, geometry_option, decision_option, camera_option = options.options_of(
     "Film", "Geometry", "Decision", "Live camera"

@@ -5,5 +5,4 @@ of these, the other modules import only the section `overhead` of scenarios, whi
 runs, sweep or statistics. A map is in docs/architecture.md.
 """
 
-LEAST_ORDER = 0.5  # least order parameter that may count as that of synchrony; a swarm at random often has less
 ROUNDING = 1e-9  # largest difference of equal quantities of films and trials, relative to them
