@@ -1,5 +1,7 @@
 """Types of arrays, by what they hold; shapes and units stand where an array is described."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,4 +13,5 @@ IndexArray = npt.NDArray[np.uint32]
 BoolArray = npt.NDArray[np.bool_]
 ByteArray = npt.NDArray[np.uint8]
 StreamArray = npt.NDArray[np.uint64]  # (n, 4) states of random number generators, one a row; see `util.rng`
+RecordArray = Any  # (n,) np.recarray, whose fields mypy does not know
 WordArray = npt.NDArray[np.uint64]  # (n,) words of the state of a seed sequence or a generator; see `util.generators`

@@ -11,7 +11,7 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.embodied.cells import cells_needed, set_cells
-from epuck_sim.embodied.changes.faults import LOGGED_STEPS, set_faults
+from epuck_sim.embodied.changes.faults import LOGGED_STEPS
 from epuck_sim.embodied.controllers import assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.sensors.flash_cone import set_cone
@@ -19,6 +19,7 @@ from epuck_sim.embodied.sensors.infrared import set_infrared
 from epuck_sim.embodied.sensors.radio import set_radio, slots_of
 from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
 from epuck_sim.embodied.user_code import assign_sense, sensed_bytes_needed
+from epuck_sim.faults import set_faults
 from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection, arena_after, arena_entries
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup, members
@@ -44,7 +45,8 @@ def make_swarm_block(
         _set_robots(swarm.robots, scenario)
         _set_groups(swarm, scenario, controllers)
         _set_senses(swarm, scenario, sensors)
-        set_faults(swarm, scenario)
+        set_faults(swarm.faults, scenario.faults, scenario.sensor_names)
+        swarm.scene[0].hides_flashes = any(section.changes == "flashes" for section in scenario.faults)
         _set_reference(swarm, scenario.stop.reference_robot)
         _last.update({"from": made_from, "block": block, "arenas": arenas})
     block = _last["block"].copy()

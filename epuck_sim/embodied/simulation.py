@@ -21,7 +21,7 @@ from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, to_html
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes import schedule
-from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
+from epuck_sim.embodied.changes.faults import LOGGED_STEPS, begin_faults, take_events
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
@@ -33,6 +33,7 @@ from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import OwnSensor, RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.faults import begin_or_end
 from epuck_sim.scenario.changes import TimedEntries, TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after
 from epuck_sim.scenario.loader import load_of_model
@@ -196,7 +197,7 @@ class Simulation:
         if self._arena is not self._arenas[0]:
             self._show(self._arenas[0])
         if scenario.faults:
-            restart_faults(block, scenario, self.seed)
+            begin_faults(block, scenario, self.seed)
         for number, (group, section) in enumerate(zip(self._groups, scenario.robots, strict=True)):
             if not section.count:
                 continue
@@ -447,9 +448,7 @@ class Simulation:
                 self._set_sensor(group, sensor, values, origin)
         if entry.displace is not None:
             schedule.displace_phases(swarm, self._groups, entry.displace, phases)
-        for faults, begins in ((entry.begin, True), (entry.end, False)):
-            for fault in faults:
-                schedule.begin_or_end(swarm, fault, begins=begins, time_ms=time_ms)
+        begin_or_end(swarm.affected, len(swarm.robots), entry, time_ms)
         self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{number}", entry.what))
 
     def replace_controller(self, group: int, controller: Controller) -> Replaced:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from epuck_sim import arena
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
+from epuck_sim.faults import AFFECTED, FAULT
 from epuck_sim.util.generators import GENERATOR_WORDS
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import carve, record_type
@@ -204,32 +205,6 @@ SENSE = record_type(
 
 LAMP = record_type([(name, "f8") for name in ("x", "y", "height", "strength")])
 """A lamp above the floor, cm; its strength is the light on the floor right below."""
-
-FAULT = record_type(
-    [
-        ("kind", "i8"),  # see `changes.faults.KINDS`
-        ("strength", "f8"),  # rate of a clock, its jitter, or the share of flashes that is missed; 0 for others
-        ("sensor", "i8"),  # number of the name of the sensor, in a file of its own, that is dead
-        ("nearer_cm", "f8"),  # flashes from nearer than this are missed ...
-        ("farther_cm", "f8"),  # ... or from farther than this
-        ("begin_ms", "f8"),  # when it begins, or may begin; infinity for those that are scheduled
-        ("end_ms", "f8"),
-        ("mean_free_ms", "f8"),  # mean time without it; 0 for those that begin once
-        ("mean_faulty_ms", "f8"),  # mean time with it; infinity for those that last
-    ]
-)
-"""A fault that robots may have."""
-
-AFFECTED = record_type(
-    [
-        ("random", "u8", 4),
-        ("key", "u8"),  # decides, with a flash's sender and number, whether it is missed
-        ("is_member", "?"),  # whether the robot may have the fault in this trial
-        ("is_active", "?"),  # whether it has
-        ("change_ms", "f8"),  # when the fault begins or ends next
-    ]
-)
-"""State of a fault in a robot; that of robot r and fault f has index f * robots + r."""
 
 CHANGE = record_type([("time_ms", "f8"), ("fault", "i8"), ("robot", "i8"), ("begins", "?")])
 """A fault of a robot that has begun or ended."""

@@ -23,7 +23,9 @@ _CHECKED = ("agents.speed_cm_s", "response.coupling", "clocks.period_s", "space.
 _KIND = "neighbourhood.kind"  # key whose value decides which other keys there are
 _KINDS = ("nearest", "random", "all", "range", "cone_of_vision", "cone_of_emission")
 
-CALL_NAMES = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]  # functions that a swarm calls by address
+_EMPTY = ("run_speeds", "faults", "affected", "faulty", "groups", "parts")  # lengths that are 0; up to `FLAT` agents
+
+CALL_NAMES = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT", "HEAR"]  # functions that a swarm calls by address
 
 assert MOST_AGENTS <= FLAT
 assert len(CALL_NAMES) == CALLS
@@ -63,7 +65,7 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
         "scene_bytes": SCENE_BYTES,
         "scene_base": rules.beginning[:SCENE_BYTES].tolist(),
         "arrays": [(name, dtype.itemsize, size) for name, (dtype, size) in ARRAYS.items()],
-        "sizes": {"run_speeds": 0, "curve": len(arrays.curve), "groups": 0, "parts": 0},  # for at most `FLAT` agents
+        "sizes": {"curve": len(arrays.curve), **dict.fromkeys(_EMPTY, 0)},
         "curve": base64.b64encode(arrays.curve.tobytes()).decode(),
         "fill": {"run_end_cycle": -1, "period": 1, "cached_until": "-Infinity", "block_earliest": "-Infinity"},
         "given": {name: getattr(arrays, name).ravel().tolist() for name, is_given in given.items() if is_given},

@@ -57,7 +57,6 @@ def check_robots(scenario: EmbodiedScenario) -> None:
         (unfit, "robots.controller", commanded),
         (scenario.arena.movables, "arena.movables", "pages have nothing that can be pushed"),
         (scenario.members_change, "robots.present", "all robots of a page are present all the time"),
-        (scenario.faults, "faults", "robots of pages have no faults"),
     )
 
 

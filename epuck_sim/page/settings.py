@@ -62,6 +62,7 @@ def refuse(scenario: EmbodiedScenario | ParticleScenario, *reasons: tuple[Any, s
     of_any = (
         (scenario.sweep is not None, "sweep", "a page has one scenario, and sweeps only the speed"),
         (scenario.schedule, "schedule", "pages have no schedule"),
+        (scenario.faults, "faults", "pages have no faults"),
         (scenario.stop.when is not None, "stop.when", "pages have no measures that could end a trial"),
     )
     for is_reason, key, why in of_any + reasons:

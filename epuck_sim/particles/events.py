@@ -31,7 +31,9 @@ from epuck_sim.particles.oscillators import (
 from epuck_sim.particles.phase_response import phase_after_pulse
 from epuck_sim.particles.swarm import (
     CONTINUE,
+    HEAR,
     REORIENT,
+    Faulty,
     Instant,
     Neighbours,
     Observed,
@@ -105,7 +107,7 @@ def fire(
 ) -> None:
     """Fire all oscillators that are due, and all that fire because of their pulses."""
     scene, response, agents = oscillators.scene, oscillators.scene.response, len(oscillators.next_firing)
-    fired, received, is_done = instant.fired, instant.received, instant.is_done
+    fired, received, is_done, faulty = instant.fired, instant.received, instant.is_done, carve(block, Faulty)
     fired_count, received_count = firing_now(oscillators, time, fired), 0
     for index in range(fired_count):
         is_done[fired[index]] = True
@@ -115,6 +117,9 @@ def fire(
         agent = entry_of(fired, sent)
         row = find_receivers(block, addresses, neighbours, agent, time)
         receivers = neighbours.members[row : row + neighbours.counts[agent]]
+        if unlikely(addresses[HEAR] != 0):
+            call(addresses[HEAR], block, addresses, agent, time)
+            receivers = faulty.heard[: scene.heard]
         if unlikely(scene.reorients_on_arriving):
             note_arrivals(block, receivers)
         for index in range(len(receivers)):

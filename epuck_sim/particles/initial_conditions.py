@@ -14,7 +14,9 @@ import numpy.typing as npt
 from numba import types
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
+from epuck_sim.faults import set_faults
 from epuck_sim.particles.events import advance
+from epuck_sim.particles.faults import keep_heard
 from epuck_sim.particles.motion import begin_motion, begin_run, continue_trajectory, random_heading, reorient_agents
 from epuck_sim.particles.neighbours import RANDOM, neighbourhood_of, search_of
 from epuck_sim.particles.oscillators import BRANCHES, FLAT, METRIC_CODES, forget_earliest, max_phase_offset
@@ -24,6 +26,7 @@ from epuck_sim.particles.swarm import (
     CALLS,
     CONTINUE,
     CURVE,
+    HEAR,
     REORIENT,
     SEARCH,
     Arrays,
@@ -90,7 +93,7 @@ def rules_of(scenario: ParticleScenario) -> Rules:
     if scenario.response.curve not in CURVES:
         return _make_rules(scenario)  # the file may have changed
     moving = scenario.space, scenario.agents, scenario.neighbourhood, scenario.start
-    sections = *moving, scenario.response, scenario.clocks, scenario.stop
+    sections = *moving, scenario.faults, scenario.response, scenario.clocks, scenario.stop
     key = tuple(map(id, sections))
     if key not in _kept:
         if len(_kept) >= KEPT:
@@ -113,6 +116,9 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
         "cell_starts": values["cells"] ** dimensions + 1 if values["cells"] else 0,
         "run_speeds": len(speeds),
         "curve": len(response.bytes),
+        "faults": len(scenario.faults),
+        "affected": len(scenario.faults) * agents.count,
+        "faulty": agents.count if scenario.faults else 0,
         "members": values["row"] * (agents.count if values["is_cached"] else 1),
     }
     arrays = Arrays(make_block(sizes))
@@ -125,6 +131,7 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     arrays.cached_until[:] = -math.inf
     arrays.candidates[:] = np.arange(agents.count)
     arrays.curve[:] = response.bytes
+    set_faults(arrays.faults, scenario.faults)
     give_start(arrays, scenario)
     compile_kernel(advance)
     called = {
@@ -132,6 +139,7 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
         SEARCH: search_of(arrays.scene),
         BEGIN_RUN: begin_run if values["has_runs"] else None,
         REORIENT: reorient_agents if agents.reorient_on else None,
+        HEAR: keep_heard if scenario.faults else None,
     }
     addresses = np.zeros(CALLS, np.int64)
     addresses[CURVE] = response.address

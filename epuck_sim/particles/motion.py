@@ -12,9 +12,11 @@ Times passed as arguments are in cycles since the start of the present cycle (se
 
 import math
 
+import numpy as np
+
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.selection import minimum
-from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Instant, Trajectories, entry_of
+from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Arrays, Instant, Trajectories, entry_of
 from epuck_sim.util.elementary import atan, exp, log, sin_cos, tan
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at, unlikely
@@ -81,6 +83,14 @@ def begin_motion(block: ByteArray) -> None:
     for agent in range(len(trajectories.speed)):
         find_end(trajectories, agent)
     scene.earliest_end = time_of_end(trajectories, first_to_end(trajectories))
+
+
+def stop_at_present(swarm: Arrays, speeds: FloatArray) -> None:
+    """Let trajectories whose speed changes, (agents,) cm per cycle, begin where agents were observed to be."""
+    other, scene = speeds != swarm.speed, swarm.scene
+    swarm.origin[:, other] = np.clip(swarm.positions_now[:, other], 0.0, scene.side_cm)
+    swarm.start_cycle[other], swarm.start_time[other] = scene.cycle, scene.now
+    swarm.speed[:] = speeds
 
 
 @jit_inline

@@ -96,11 +96,11 @@ def find_receivers(block: ByteArray, addresses: IntArray, neighbours: Neighbours
     """Find the receivers of a pulse, unless cached ones are still valid; return the index of the first in `members`."""
     if not time < neighbours.cached_until[agent]:
         call(addresses[SEARCH], block, addresses, agent, time)
-    return _row_of(neighbours, agent)
+    return row_of(neighbours, agent)
 
 
 @jit_inline
-def _row_of(neighbours: Neighbours, agent: int) -> int:
+def row_of(neighbours: Neighbours, agent: int) -> int:
     """Return the index in `members` at which an agent's neighbours are kept."""
     row: int = agent * neighbours.scene.row if neighbours.scene.is_cached else 0
     return row
@@ -164,7 +164,7 @@ def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float)
             _measure_cone(block, neighbours.headings, own, count)
             _select_in_cone(block, trajectories, agent, time, count, radius_cm)
             is_found = True
-            members = neighbours.members[_row_of(neighbours, agent) :]
+            members = neighbours.members[row_of(neighbours, agent) :]
             for rank in range(neighbours.counts[agent]):
                 members[rank] = neighbours.candidates[members[rank]]
 
@@ -177,7 +177,7 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
     """
     neighbours = carve(block, Neighbours)
     k, is_drawn, stream = neighbours.scene.k, neighbours.is_drawn, neighbours.receiver_streams[agent].words
-    members = neighbours.members[_row_of(neighbours, agent) :]
+    members = neighbours.members[row_of(neighbours, agent) :]
     others = len(is_drawn) - 1
     for rank in range(k):
         last = others - k + rank
@@ -264,7 +264,7 @@ def _measure_distances(block: ByteArray, own: int, count: int) -> None:
         positions = row_at(neighbours.positions, axis, scene.agents)
         own_position = positions[own]
         for index in range(count):
-            offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
+            offset = nearest_image(is_cyclic, side_cm, positions[index] - own_position)
             square[index] = offset * offset + (square[index] if axis else 0.0)
     square[own] = math.inf
 
@@ -284,7 +284,7 @@ def _measure_cone(block: ByteArray, headings: FloatArray, own: int, count: int) 
         directions = row_at(headings, axis, scene.agents)
         own_position, own_direction = positions[own], directions[own]
         for index in range(count):
-            offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
+            offset = nearest_image(is_cyclic, side_cm, positions[index] - own_position)
             square[index] = offset * offset + (square[index] if axis else 0.0)
             direction = -directions[index] if is_vision else own_direction
             along[index] = (along[index] if axis else 0.0) + offset * direction
@@ -292,7 +292,7 @@ def _measure_cone(block: ByteArray, headings: FloatArray, own: int, count: int) 
 
 
 @jit_inline
-def _nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
+def nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
     """Return the distance along an axis to the nearest image of an agent, in a cyclic space; else `offset_cm`."""
     if is_cyclic:
         offset_cm -= side_cm * float(np.rint(offset_cm * (1 / side_cm)))
@@ -304,7 +304,7 @@ def _select_nearest(block: ByteArray, agent: int, time: float, count: int, radiu
     """Find the k nearest candidates; return False if an agent beyond the radius, not a candidate, may be nearer."""
     neighbours = carve(block, Neighbours)
     square, selected, k = neighbours.square_distance, neighbours.selected, neighbours.scene.k
-    members = neighbours.members[_row_of(neighbours, agent) :]
+    members = neighbours.members[row_of(neighbours, agent) :]
     if k == 1:
         selected[0], farthest, next_square = find_two_smallest(square, count)
     else:
@@ -328,7 +328,7 @@ def _select_in_cone(
 ) -> None:
     """Find all candidates inside the cone, coincident ones included; all agents within the radius are candidates."""
     neighbours = carve(block, Neighbours)
-    scene, members, row = neighbours.scene, neighbours.members, _row_of(neighbours, agent)
+    scene, members, row = neighbours.scene, neighbours.members, row_of(neighbours, agent)
     square, along, margin = neighbours.square_distance, neighbours.axial_distance, neighbours.margin
     cosine, is_round, own_radius_cm = scene.cos, scene.cos == FULL_CIRCLE_COS, scene.radius_cm
     limit = own_radius_cm * own_radius_cm

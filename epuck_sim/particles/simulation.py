@@ -12,10 +12,12 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, to_html
 from epuck_sim.errors import ScenarioError
+from epuck_sim.faults import begin_or_end, fault_event, first_change_ms
 from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.events import advance, observe, turn_if_next
+from epuck_sim.particles.faults import begin_faults, change_faults, mark_heard, speeds_with_faults
 from epuck_sim.particles.initial_conditions import Rules, draw_differences, initial_speeds, rules_of, start
-from epuck_sim.particles.motion import begin_motion
+from epuck_sim.particles.motion import begin_motion, stop_at_present
 from epuck_sim.particles.neighbours import write_links
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
@@ -78,7 +80,9 @@ class ParticleSimulation:
     seed: int
     """Seed of the trial."""
     events: list[TrialEvent]
-    """Entries of the schedule that were carried out, in order."""
+    """Entries of the schedule that were carried out, and faults that began and ended, in order."""
+    next_change: Moment
+    """Nominal period, and the share of it that has passed, when something changes at a time, or `NEVER`."""
 
     def __init__(self, scenario: ScenarioLike, seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.
@@ -124,9 +128,24 @@ class ParticleSimulation:
         start(self._arrays.block, self._addresses, seed_words(self.seed))
         self.events = []
         self._present = self.scenario  # with the values that the schedule has set
-        period_s = self.scenario.clocks.period_s
-        self._timed = TimedEntries(self.scenario.schedule, lambda at_s: divmod(at_s / period_s, 1.0), NEVER)
+        self._timed = TimedEntries(self.scenario.schedule, self._moment, NEVER)
+        if self.scenario.faults:
+            begin_faults(self._arrays, self.scenario, self.seed)
+        self._await_change()
         self._is_changed = False  # by the schedule since the last event
+
+    def _moment(self, time_s: float) -> Moment:
+        """Return the moment of a time."""
+        return divmod(time_s / self.scenario.clocks.period_s, 1.0) if time_s < math.inf else NEVER
+
+    def _next_fault(self) -> tuple[float, Moment]:
+        """Return when a fault begins or ends next, in ms and as a moment; later than any if none does."""
+        time_ms = first_change_ms(self._arrays.affected) if self.scenario.faults else math.inf
+        return time_ms, self._moment(time_ms / 1000)
+
+    def _await_change(self) -> None:
+        """Note when the schedule or a fault changes something next, after one has."""
+        self.next_change = min(self._timed.next, self._next_fault()[1])
 
     def _renew(self, rules: Rules) -> None:
         """Switch to the block of a new swarm with these rules."""
@@ -157,7 +176,7 @@ class ParticleSimulation:
 
     def __next__(self) -> Event:
         """Simulate up to the next event and return it."""
-        if self._is_changed or (self._timed.next is not NEVER and self._is_change_next()):
+        if self._is_changed or (self.next_change != NEVER and self._is_change_next()):
             if not self._is_changed:
                 self._carry_out_timed()
             self._is_changed = False
@@ -184,10 +203,10 @@ class ParticleSimulation:
         return self._arrays
 
     def _is_change_next(self) -> bool:
-        """Return whether an entry of the schedule with a time comes before the next firing, wall and end of a run."""
-        if self.next_firing <= last_firing_before(self._timed.next):
+        """Return whether a change with a time comes before the next firing, wall and end of a run."""
+        if self.next_firing <= last_firing_before(self.next_change):
             return False
-        swarm, (cycle, time) = self._observe(), self._timed.next
+        swarm, (cycle, time) = self._observe(), self.next_change
         ends = swarm.end_cycle
         return not ((ends < cycle) | ((ends == cycle) & (swarm.end_time <= time))).any()
 
@@ -240,22 +259,32 @@ class ParticleSimulation:
     def _advance_through(
         self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0
     ) -> None:
-        """Simulate until a limit is reached, as `_advance` does, and carry out entries of the schedule on the way."""
+        """Simulate until a limit is reached, as `_advance` does, and make the changes on the way that have a time."""
         self._is_changed = False
-        while self._timed.next <= end:
-            self._advance(last_firing_before(self._timed.next), pulses, cycles, offset)
+        while self.next_change <= end:
+            self._advance(last_firing_before(self.next_change), pulses, cycles, offset)
             if self.is_synchronised or self.cycles >= cycles or self._scene["pulses"] >= pulses:
                 return
             self._carry_out_timed()
         self._advance(end, pulses, cycles, offset)
 
     def _carry_out_timed(self) -> None:
-        """Carry out the entries of the schedule that have the next time; nothing else happens up to then."""
-        scene, moment = self._scene, self._timed.next
+        """Make the changes that have the next time, by the schedule and by faults; nothing else happens up to then."""
+        scene, moment = self._scene, self.next_change
         self._advance(last_firing_before(moment))  # counts time from the moment's cycle
         scene["now"] = max(scene["now"], moment[0] - scene["cycle"] + moment[1])
         while self._timed.next == moment:
             self.carry_out_scheduled(self._timed.take())
+        time_ms, next_fault = self._next_fault()
+        if next_fault <= moment:
+            self._change_faults(time_ms)
+
+    def _change_faults(self, time_ms: float) -> None:
+        """Begin and end the faults that are due."""
+        for fault in change_faults(self._observe(), time_ms):
+            self.events.append(fault_event(self.instants, self.time_s, *fault))
+        self._is_changed = True
+        self._await_change()
 
     def carry_out_scheduled(self, entry: int) -> None:
         """Carry out an entry of the scenario's schedule at the present time.
@@ -272,15 +301,18 @@ class ParticleSimulation:
             self._displace(section.displace, entry)
         self.events.append(TrialEvent(self.instants, self.time_s, source, section.what))
         self._is_changed = True
+        if section.begin or section.end:
+            time_ms = self.time_s * 1000
+            begin_or_end(self._arrays.affected, self.oscillators, section, time_ms)
+            self._change_faults(time_ms)
+        self._await_change()
 
     def _change(self, scenario: ParticleScenario) -> None:
         """Switch to the speeds, neighbourhood and response of a scenario."""
         before = self._arrays
         if scenario.agents != self._present.agents:  # trajectories begin where agents are
-            before.origin[:] = np.clip(self._observe().positions_now, 0.0, before.scene.side_cm)
-            before.start_cycle[:] = before.scene.cycle
-            before.start_time[:] = before.scene.now
-            before.speed[:] = initial_speeds(scenario, self.seed)
+            speeds = initial_speeds(scenario, self.seed)
+            stop_at_present(self._observe(), speeds_with_faults(before, speeds) if scenario.faults else speeds)
         self._renew(rules_of(scenario))
         keep_state(before, self._arrays)
         begin_motion(self._arrays.block)
@@ -339,11 +371,6 @@ class ParticleSimulation:
         periods, share = divmod(float(self._arrays.next_firing.min()), 1.0)
         return self.period + int(periods), share
 
-    @property
-    def next_change(self) -> Moment:
-        """Nominal period, and the share of it that has passed, when the schedule changes something at a time."""
-        return self._timed.next
-
     cycles = _number("cycles", "Number of firings of the reference so far.")
 
     instants = _number("instants", "Number of instants, so far, at which at least one agent fired.")
@@ -380,8 +407,9 @@ class ParticleSimulation:
 
     @property
     def periods_s(self) -> FloatArray:
-        """(agents,) s: time in which each oscillator goes from phase 0 to 1 if it receives no pulse; constant."""
-        return self._arrays.period * self.scenario.clocks.period_s
+        """(agents,) s: time in which each oscillator goes from phase 0 to 1 without pulses and faults; constant."""
+        swarm = self._arrays
+        return (swarm.base_period if self.scenario.faults else swarm.period) * self.scenario.clocks.period_s
 
     @property
     def speeds_cm_s(self) -> FloatArray:
@@ -456,6 +484,10 @@ class ParticleSimulation:
         headings = self._arrays.headings_before.T if turns else self.headings()
         event, agents = self.last_instant(), self.oscillators
         senders, receivers = np.divmod(self._find_links(headings, event.fired), agents)
+        if self.scenario.faults:
+            is_heard = np.zeros(len(senders), np.bool_)
+            mark_heard(self._arrays.block, self._addresses, senders, receivers, is_heard)
+            senders, receivers = senders[is_heard], receivers[is_heard]
         reached, first = np.unique(receivers, return_index=True)  # no agent receives two pulses at one instant
         is_shifted = np.zeros(len(receivers), np.bool_)
         is_shifted[first[np.isin(reached, event.received)]] = True

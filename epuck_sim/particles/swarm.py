@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IndexArray
+from epuck_sim.faults import AFFECTED, FAULT
 from epuck_sim.util.generators import GENERATOR_WORDS, SEQUENCE_WORDS
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import record_type
@@ -76,6 +77,14 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     "reached": (INDEX, "events"),  # scratch: agents at which a pulse arrived: the first `scene.reached`
     "is_reached": (FLAG, "events"),  # scratch: whether each agent is in `reached`
     "headings_before": (FLOAT, "rows"),  # headings at this instant before any agent reoriented
+    # faults
+    "faults": (FAULT, "faults"),
+    "affected": (AFFECTED, "affected"),  # (faults * agents,)
+    "is_mute": (FLAG, "faulty"),  # whether each agent sends no pulses
+    "is_deaf": (FLAG, "faulty"),  # whether it receives none
+    "base_period": (FLOAT, "faulty"),  # cycles: its period without faults
+    "base_speed": (FLOAT, "faulty"),  # cm per cycle: its speed without faults
+    "heard": (INDEX, "faulty"),  # scratch: the receivers that hear a pulse: the first `scene.heard`
     # results for Python
     "positions_now": (FLOAT, "rows"),  # cm
     "phases_now": (FLOAT, "agents"),
@@ -86,8 +95,8 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
 
 Most have the length `agents`; `rows` are one row of agents for each axis, one after the other; `events` are one more
 than agents. Some have a length of 0: `groups` and `parts` in small swarms, see `oscillators.BRANCHES`; `cell_starts`
-without a cell list; `run_speeds` where agents keep theirs; `curve`, bytes, where it is shipped. `members` has room for
-the neighbours of one agent, or of all agents if neighbours are cached.
+without a cell list; `run_speeds` where agents keep theirs; `curve`, bytes, where it is shipped; all of faults where
+there are none. `members` has room for the neighbours of one agent, or of all agents if neighbours are cached.
 """
 
 _PLACES = {name: (dtype, 2 * WORD_BYTES * number) for number, (name, (dtype, _)) in enumerate(ARRAYS.items())}
@@ -154,6 +163,7 @@ SCENE = record_type(
         ("fired", "i8"),  # numbers of agents in the arrays of these names
         ("received", "i8"),
         ("reached", "i8"),
+        ("heard", "i8"),
         ("instants", "i8"),  # number of instants at which agents fired
         ("cycles", "i8"),  # of firings of the reference
         ("firings", "i8"),  # of firings of all agents
@@ -173,11 +183,12 @@ SCENE = record_type(
 
 SCENE_BYTES = SCENE.itemsize
 
-CURVE, SEARCH, CONTINUE, BEGIN_RUN, REORIENT = range(5)
+CURVE, SEARCH, CONTINUE, BEGIN_RUN, REORIENT, HEAR = range(6)
 """Numbers of functions to call: a user's response curve, and the functions (block, addresses, agent, time) that
-find the receivers of an agent's pulse, continue an agent's trajectory, begin its next run, and reorient all agents."""
+find the receivers of an agent's pulse, continue an agent's trajectory, begin its next run, reorient all agents, and
+leave out the receivers that faults keep from an agent's pulse."""
 
-CALLS = 5  # length of the array of addresses
+CALLS = 6  # length of the array of addresses
 
 
 def make_block(sizes: Mapping[str, int]) -> ByteArray:
@@ -214,6 +225,8 @@ class Arrays:
             array = array.reshape(self.scene.dimensions, -1)
         elif dtype == STREAM:
             array = array.view(np.uint64).reshape(-1, 4)
+        elif dtype.names:
+            array = array.view(np.recarray)
         setattr(self, name, array)
         return array
 
@@ -225,6 +238,7 @@ KEPT_FIELDS = (
 KEPT_ARRAYS = (
     *("next_firing", "period", "origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time"),
     *("wall", "streams", "run_end_cycle", "run_end_time", "receiver_streams", "fired", "received", "headings_before"),
+    *("affected", "is_mute", "is_deaf", "base_period", "base_speed"),
 )
 """Arrays and fields that a swarm keeps when its rules change while it runs."""
 
@@ -247,20 +261,21 @@ def _part(name: str, fields: str) -> Any:
     return part
 
 
-Oscillators = _part("Oscillators", "scene next_firing period block_earliest group_earliest part_earliest")
+Oscillators: Any = _part("Oscillators", "scene next_firing period block_earliest group_earliest part_earliest")
 
 _MOTION = "origin heading speed start_cycle start_time end_cycle end_time wall end_times streams"
-Trajectories = _part("Trajectories", f"scene {_MOTION} run_end_cycle run_end_time run_speeds")
+Trajectories: Any = _part("Trajectories", f"scene {_MOTION} run_end_cycle run_end_time run_speeds")
 """The present straight path of each agent, and the present run of its random walk."""
 
 _MEASURED = "square_distance axial_distance margin selected bucket_of bucket_end"
 _LISTED = "cell_start agents_by_cell cell_of_agent is_drawn receiver_streams"
 _FOUND = "members counts cached_until skip_count"
-Neighbours = _part("Neighbours", f"scene {_FOUND} candidates positions headings {_MEASURED} {_LISTED}")
+Neighbours: Any = _part("Neighbours", f"scene {_FOUND} candidates positions headings {_MEASURED} {_LISTED}")
 """The neighbours that were found last, and the candidates among which they are searched for."""
 
-Instant = _part("Instant", "scene fired received is_done curve reached is_reached headings_before")
-Observed = _part("Observed", "positions_now phases_now")  # results for Python
+Instant: Any = _part("Instant", "scene fired received is_done curve reached is_reached headings_before")
+Faulty: Any = _part("Faulty", "faults affected is_mute is_deaf heard")
+Observed: Any = _part("Observed", "positions_now phases_now")  # results for Python
 
 
 @jit_inline

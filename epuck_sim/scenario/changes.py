@@ -1,4 +1,4 @@
-"""Faults of robots (thesis 4.4), and changes while a trial runs: the sections `faults` and `schedule`."""
+"""Faults (thesis 4.4), and changes while a trial runs: the sections `faults` and `schedule`."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -23,7 +23,15 @@ FAULTS = {
     "sensor_dead": "sensor",
 }
 """The reading, actuator or clock that a fault changes, by its kind: `flashes` stands for a robot's camera or ideal
-sensor, `phase` for the phase of its oscillator."""
+sensor, or the pulses that an agent receives, `phase` for the phase of its oscillator."""
+
+NOT_OF_AGENTS = {
+    "ring_stuck_on": "a pulse takes no time",
+    "clock_jitter": "they have no control steps; give clocks.jitter",
+    "infrared_dead": "they have no proximity sensors",
+    "sensor_dead": "they have no sensors",
+}
+"""Kinds of faults that have no meaning for point agents, and why."""
 
 
 def _each_once(numbers: tuple[int, ...]) -> tuple[int, ...]:
@@ -42,19 +50,23 @@ Whom = Annotated[Members, Field(min_length=1)] | None
 class FaultSection(ConfigModel):
     """A fault: in which robots, from when to when."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("agents",)
+
     kind: str
     robots: Whom = None
     """Numbers of the robots that may have it; all by default."""
+    agents: Whom = None
+    """Numbers of the agents that may have it, with `model: particles`."""
     share: Annotated[Number, Field(ge=0, le=1)] | None = None
-    """Share of these robots that has it, drawn at random in each trial; 1 by default."""
+    """Share of these that has it, drawn at random in each trial; 1 by default."""
     count: Annotated[WholeNumber, Field(ge=0)] | None = None
-    """Number of these robots that have it, drawn at random in each trial, instead of `share`."""
+    """Number of these that have it, drawn at random in each trial, instead of `share`."""
     at_s: Annotated[Number, Field(ge=0, le=1e9)] | None = None
     """Time at which it begins; with `per_hour`, the earliest such time. 0 by default."""
     until_s: Annotated[Number, Field(gt=0, le=1e9)] | None = None
     """Time at which it ends; with `per_hour`, it does not begin again after that. Never by default."""
     per_hour: Annotated[Number, Field(gt=0, le=360_000)] | None = None
-    """Mean number of times that it begins in an hour without it, in each robot at times of its own."""
+    """Mean number of times that it begins in an hour without it, in each at times of its own."""
     mean_s: Positive | None = None
     """With `per_hour`, mean time for which it lasts; until the end by default."""
     scheduled: bool = False
@@ -76,18 +88,24 @@ class FaultSection(ConfigModel):
         """The part of a robot that it changes, see `FAULTS`."""
         return FAULTS[self.kind]
 
+    @property
+    def whom(self) -> Sequence[int] | None:
+        """Numbers of the robots or agents that may have it; None for all."""
+        return self.robots if self.agents is None else self.agents
+
     def numbers(self) -> dict[str, Sequence[int]]:
-        """Return the numbers of robots that it names, by key."""
-        return {"robots": self.robots or ()}
+        """Return the numbers of robots or agents that it names, by key."""
+        return {"robots": self.robots or (), "agents": self.agents or ()}
 
 
 class Failure(FaultSection):
-    """A part of the robot fails as a whole."""
+    """A part of the robot, or agent, fails as a whole."""
 
     kind: Literal["ring_dead", "ring_stuck_on", "oscillator_frozen", "camera_blind", "infrared_dead", "wheels_dead"]
-    """`ring_dead`: the ring stays dark; `ring_stuck_on`: it stays lit; `oscillator_frozen`: the phase, and with it the
-    ring, stay as they are, and the robot moves on; `camera_blind`: the camera sees no flash; `infrared_dead`: the
-    proximity sensors read 0, as if nothing were in range; `wheels_dead`: the robot stands still."""
+    """`ring_dead`: the ring stays dark, and an agent sends no pulse; `ring_stuck_on`: it stays lit;
+    `oscillator_frozen`: the phase, and with it the ring, stay as they are, and the robot moves on; `camera_blind`: the
+    camera sees no flash, and an agent receives no pulse; `infrared_dead`: the proximity sensors read 0, as if nothing
+    were in range; `wheels_dead`: the robot stands still."""
 
 
 class ClockDrift(FaultSection):
@@ -187,7 +205,7 @@ class RobotDisplacement(Displacement):
 class ScheduleEntry(ConfigModel):
     """Changes at one moment; they are made once."""
 
-    changing: ClassVar[tuple[str, ...]] = ("set", "displace")  # keys that hold changes
+    changing: ClassVar[tuple[str, ...]] = ("set", "displace", "begin", "end")  # keys that hold changes
     settable: ClassVar[re.Pattern[str]]  # dotted keys that may be set
     in_short: ClassVar[str]  # what may change, for messages
 
@@ -204,6 +222,10 @@ class ScheduleEntry(ConfigModel):
     """New values by dotted key."""
     displace: Displacement | None = None
     """A displacement of phases."""
+    begin: Members = ()
+    """Numbers of the faults that begin."""
+    end: Members = ()
+    """Numbers of the faults that end."""
 
     def _check_together(self) -> None:
         if sum(moment is not None for moment in (self.at_s, self.at_cycle, self.when)) != 1:
@@ -226,19 +248,58 @@ class ScheduleEntry(ConfigModel):
     def in_words(self) -> list[str]:
         """Return each of the changes in words."""
         changes = [f"{key}: {value}" for key, value in self.set.items()]
-        return changes if self.displace is None else [*changes, str(self.displace)]
+        changes += [] if self.displace is None else [str(self.displace)]
+        begin = [f"faults.{number} begins" for number in self.begin]
+        return [*changes, *begin, *(f"faults.{number} ends" for number in self.end)]
 
     def numbers(self) -> dict[str, Sequence[int]]:
         """Return the numbers of robots or agents that it names, by key."""
         return {f"displace.{key}": value or () for key, value in self.displace or () if key != "by_cycles"}
 
 
-def check_numbers(key: str, entries: Sequence[FaultSection | ScheduleEntry], population: int) -> None:
-    """Raise ValueError if entries of a key name robots or agents that there are not."""
-    for place, entry in enumerate(entries):
-        for name, numbers in entry.numbers().items():
+def check_changes(
+    faults: Sequence[FaultSection], schedule: Sequence[ScheduleEntry], noun: str, population: int
+) -> None:
+    """Raise ValueError for changes of robots or agents that there are not, or of faults that do not begin or end so."""
+    other = "agents" if noun == "robot" else "robots"
+    named = [(f"faults.{place}", fault.numbers()) for place, fault in enumerate(faults)]
+    named += [(f"schedule.{place}", entry.numbers()) for place, entry in enumerate(schedule)]
+    for where, keys in named:
+        for key, numbers in keys.items():
             for number in numbers:
-                check_range(f"{key}.{place}.{name}", number, 0, population - 1)
+                check_range(f"{where}.{key}", number, 0, population - 1)
+    for place, fault in enumerate(faults):
+        where, most = f"faults.{place}", len(fault.whom or range(population))
+        check_range(f"{where}.count", fault.count, 0, most)
+        none = f", or 0: a smaller share of {most} {noun}s is no {noun}"
+        check_range(f"{where}.share", fault.share or None, 0.5 / most, 1, none)
+        if getattr(fault, other) is not None:
+            raise ValueError(f"{where}.{other}: this model has none; give {noun}s")
+    for place, entry in enumerate(schedule):
+        for key in ("begin", "end"):
+            for number in getattr(entry, key):
+                if number >= len(faults) or not faults[number].scheduled:
+                    said = f"{number} is not the number of a fault with scheduled: true"
+                    raise ValueError(f"schedule.{place}.{key}: {said}")
+                if key == "end" and faults[number].kind == "restart":
+                    raise ValueError(f"schedule.{place}.end: {number} is a restart, which takes no time")
+
+
+def notes_on_faults(
+    faults: Sequence[FaultSection], schedule: Sequence[ScheduleEntry], noun: str, reference: int
+) -> list[str]:
+    """Return notes on faults that never begin, and on those that may freeze the reference, a robot or an agent."""
+    found = []
+    for number, fault in enumerate(faults):
+        if fault.scheduled and not any(number in entry.begin for entry in schedule):
+            found.append(f"faults.{number} never begins: no entry of the schedule begins it")
+        may_freeze = fault.kind == "oscillator_frozen" and 0 not in (fault.count, fault.share)
+        if may_freeze and reference in (fault.whom or (reference,)):
+            found.append(
+                f"faults.{number} may freeze {noun} {reference}, the reference: then no cycles are counted; give the "
+                f"numbers of others in {noun}s, of which count and share are drawn"
+            )
+    return found
 
 
 _Moment = TypeVar("_Moment")
@@ -271,12 +332,13 @@ class TimedEntries(Generic[_Moment]):
 class AgentScheduleEntry(ScheduleEntry):
     """Changes at one moment of a trial of point agents."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("begin", "end")
     settable: ClassVar[re.Pattern[str]] = re.compile(
         r"agents\.speed_cm_s|neighbourhood\.(k|radius_cm|angle_deg)|response\.(coupling|refractory|parameters\.\w+)"
     )
     in_short: ClassVar[str] = (
         "agents.speed_cm_s, neighbourhood.k, neighbourhood.radius_cm, neighbourhood.angle_deg, response.coupling, "
-        "response.refractory, response.parameters.NAME; outside set: displace"
+        "response.refractory, response.parameters.NAME; outside set: displace, begin and end"
     )
 
     displace: AgentDisplacement | None = None
@@ -288,7 +350,7 @@ _PARAMETER = re.compile(r"robots\.(0|[1-9]\d*)\.(?:parameters|sensors\.(\w+)(?!\
 class RobotScheduleEntry(ScheduleEntry):
     """Changes at one moment of a trial of robots; `set` has parameters of controllers, and keys of the arena."""
 
-    changing: ClassVar[tuple[str, ...]] = ("set", "displace", "begin", "end", "remove", "add")
+    changing: ClassVar[tuple[str, ...]] = (*ScheduleEntry.changing, "remove", "add")
     later_keys: ClassVar[tuple[str, ...]] = ("remove", "add", "poses")
     settable: ClassVar[re.Pattern[str]] = re.compile(rf"{_PARAMETER.pattern}|arena\.(width_cm|height_cm|obstacles)")
     in_short: ClassVar[str] = (
@@ -297,10 +359,6 @@ class RobotScheduleEntry(ScheduleEntry):
     )
 
     displace: RobotDisplacement | None = None
-    begin: Members = ()
-    """Numbers of the faults that begin."""
-    end: Members = ()
-    """Numbers of the faults that end."""
     remove: Members = ()
     """Numbers of the robots that leave the arena."""
     add: Members = ()
@@ -315,11 +373,9 @@ class RobotScheduleEntry(ScheduleEntry):
 
     def in_words(self) -> list[str]:
         """Return each of the changes in words."""
-        begin = [f"faults.{number} begins" for number in self.begin]
-        ended = [f"faults.{number} ends" for number in self.end]
         moved = (("removes", self.remove), ("adds", self.add))
         in_words = (f"{verb} {', '.join(map(str, robots))}" for verb, robots in moved if robots)
-        return [*super().in_words(), *begin, *ended, *in_words]
+        return [*super().in_words(), *in_words]
 
     def numbers(self) -> dict[str, Sequence[int]]:
         """Return the numbers of robots that it names, by key."""

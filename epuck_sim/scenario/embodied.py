@@ -13,7 +13,14 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import ArenaSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
-from epuck_sim.scenario.changes import AnyFault, RobotScheduleEntry, SensorDead, check_numbers, concerns
+from epuck_sim.scenario.changes import (
+    AnyFault,
+    RobotScheduleEntry,
+    SensorDead,
+    check_changes,
+    concerns,
+    notes_on_faults,
+)
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import RobotKind, check_readings, sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group, resolve_parameters
@@ -164,6 +171,7 @@ class EmbodiedScenario(Scenario):
         for number, group in enumerate(self.robots):
             key, control_hz = f"robots.{number}.camera.frames_per_s", self.timing.control_hz
             check_range(key, group.camera.frames_per_s, 0.1, control_hz, " (timing.control_hz)")
+        check_changes(self.faults, self.schedule, "robot", self.robot_count)
         self._check_faults()
         self._check_schedule()
         if not self.present[reference]:
@@ -177,12 +185,8 @@ class EmbodiedScenario(Scenario):
             raise ValueError(f"overhead.tags is {tags!r}, which has too few tags for {self.robot_count} robots")
 
     def _check_faults(self) -> None:
-        check_numbers("faults", self.faults, self.robot_count)
         for number, fault in enumerate(self.faults):
-            where, most = f"faults.{number}", len(fault.robots or range(self.robot_count))
-            check_range(f"{where}.count", fault.count, 0, most)
-            none = f", or 0: a smaller share of {most} robots is no robot"
-            check_range(f"{where}.share", fault.share or None, 0.5 / most, 1, none)
+            where = f"faults.{number}"
             if isinstance(fault, SensorDead) and fault.sensor not in self.sensor_names:
                 own = comma_list(self.sensor_names)
                 raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
@@ -197,7 +201,6 @@ class EmbodiedScenario(Scenario):
                     raise ValueError(f"{where}: names robots of robots.{place}, which has no sensor {fault.sensor}")
 
     def _check_schedule(self) -> None:
-        check_numbers("schedule", self.schedule, self.robot_count)
         reference = self.stop.reference_robot
         for number, entry in enumerate(self.schedule):
             origin = f"schedule.{number}"
@@ -208,12 +211,6 @@ class EmbodiedScenario(Scenario):
                     f"{origin}.remove: {reference} is the reference, whose firings are counted, and must stay; remove "
                     "others, or give another stop.reference_robot"
                 )
-            for key in ("begin", "end"):
-                for fault in getattr(entry, key):
-                    if fault >= len(self.faults) or not self.faults[fault].scheduled:
-                        raise ValueError(f"{origin}.{key}: {fault} is not the number of a fault with scheduled: true")
-                    if key == "end" and self.faults[fault].kind == "restart":
-                        raise ValueError(f"{origin}.end: {fault} is a restart, which takes no time")
 
     @property
     def robot_count(self) -> int:
@@ -287,16 +284,7 @@ class EmbodiedScenario(Scenario):
         for number, entry in enumerate(self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
                 found.append(f"schedule.{number}.add: in the arena all the time: {', '.join(map(str, always))}")
-        for number, fault in enumerate(self.faults):
-            if fault.scheduled and not any(number in entry.begin for entry in self.schedule):
-                found.append(f"faults.{number} never begins: no entry of the schedule begins it")
-            may_freeze = fault.kind == "oscillator_frozen" and 0 not in (fault.count, fault.share)
-            if may_freeze and stop.reference_robot in (fault.robots or (stop.reference_robot,)):
-                found.append(
-                    f"faults.{number} may freeze robot {stop.reference_robot}, the reference: then no cycles are "
-                    "counted; give the numbers of others in robots, of which count and share are drawn"
-                )
-        return found
+        return [*found, *notes_on_faults(self.faults, self.schedule, "robot", stop.reference_robot)]
 
     @property
     def scales(self) -> dict[str, float]:

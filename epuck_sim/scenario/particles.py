@@ -18,7 +18,13 @@ from pydantic import BeforeValidator, Field
 from epuck_sim.control.names import check_draws
 from epuck_sim.errors import CurveError, EpuckSimError, ScenarioError
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
-from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
+from epuck_sim.scenario.changes import (
+    NOT_OF_AGENTS,
+    AgentScheduleEntry,
+    AnyFault,
+    check_changes,
+    notes_on_faults,
+)
 from epuck_sim.scenario.keys import set_values
 from epuck_sim.scenario.scenario import Scenario, StopSection
 from epuck_sim.user_files import Kind, Place, Value, kept, line_of_error, load_python_file, with_defaults
@@ -362,7 +368,7 @@ class ParticleStop(StopSection):
 class ParticleScenario(Scenario):
     """A swarm of point-like agents (chapters 3 and 5)."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("schedule",)
+    later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule")
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
     model: Literal["particles"]
@@ -372,6 +378,7 @@ class ParticleScenario(Scenario):
     response: ResponseSection = ResponseSection.model_construct()
     clocks: ClocksSection = ClocksSection.model_construct()
     start: StartSection = StartSection.model_construct()
+    faults: tuple[AnyFault, ...] = ()
     schedule: tuple[AgentScheduleEntry, ...] = ()
     stop: ParticleStop = ParticleStop.model_construct()
 
@@ -394,12 +401,22 @@ class ParticleScenario(Scenario):
                     f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true; leave "
                     "one of them out"
                 )
-        check_numbers("schedule", self.schedule, self.agents.count)
+        check_changes(self.faults, self.schedule, "agent", self.agents.count)
+        for number, fault in enumerate(self.faults):
+            if fault.kind in NOT_OF_AGENTS:
+                why = NOT_OF_AGENTS[fault.kind]
+                raise ValueError(f"faults.{number}: kind {fault.kind!r} has no meaning for agents: {why}")
+            if fault.kind == "wheels_dead" and self.agents.speed_per_run:
+                raise ValueError(
+                    f"faults.{number}: agents whose wheels are dead draw no speeds, but agents.speed_per_run is true; "
+                    "leave one of them out"
+                )
 
     @property
     def notes(self) -> list[str]:
         """Notes of `Scenario.notes`, and one on periods that differ too much for the threshold."""
-        found, jitter, threshold = super().notes, self.clocks.jitter, self.stop.order_parameter
+        found = [*super().notes, *notes_on_faults(self.faults, self.schedule, "agent", self.stop.reference)]
+        jitter, threshold = self.clocks.jitter, self.stop.order_parameter
         if threshold is not None and jitter and threshold > 1 - jitter**2:
             found.append(
                 f"clocks.jitter is {jitter:g}: agents whose periods differ may never reach an order parameter of "

@@ -222,8 +222,6 @@ def _left_out(scenario: Scenario) -> tuple[str, ...]:
         )
         if all(group.poses is not None for group in scenario.robots):
             notes.append("poses are as given, in all snapshots.")
-        if scenario.faults:
-            notes.append("faults are left out.")
         names = ("coupling", "period_s", "refractory_fraction", "speed_cm_s")
         if differing := [name for name in names if len({each.parameters.get(name) for each in scenario.robots}) > 1]:
             notes.append(f"All robots are treated as in the first group; groups differ in {comma_list(differing)}.")
@@ -231,7 +229,10 @@ def _left_out(scenario: Scenario) -> tuple[str, ...]:
         notes.append("start is left out: places and phases are random.")
     if scenario.stop.metric == "reference":
         notes.append("stop.metric is left out: the order parameter is the complex one.")
-    if isinstance(scenario, EmbodiedScenario | ParticleScenario) and scenario.schedule:
+    assert isinstance(scenario, EmbodiedScenario | ParticleScenario)
+    if scenario.faults:
+        notes.append("faults are left out.")
+    if scenario.schedule:
         notes.append("schedule is left out: the prediction is for the swarm as it starts.")
     return tuple(notes)
 

@@ -74,6 +74,7 @@ def _links_of_agents(
             "agents": scenario.agents.model_copy(update={"speed_cm_s": speed_cm_s}),
             "response": ResponseSection(coupling=0),
             "start": StartSection(),
+            "faults": (),
             "schedule": (),
             "measures": (),
             "stop": ParticleStop(order_parameter=None),

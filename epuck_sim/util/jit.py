@@ -25,8 +25,11 @@ PACKAGE = Path(__file__).parents[1]  # folder of the package
 SHARED = ("util", "control")
 """Rooms on whose kernels and values those of all others may depend, beside the files of the package's root."""
 
-VALUE_FILES = ("arena.py", "elementary.py", "epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
-"""Files without kernels on whose functions, constants, types or ways of compiling compiled code depends."""
+VALUE_FILES = (
+    *("arena.py", "elementary.py", "epuck.py", "faults.py"),
+    *("util/native.py", "control/interface.py", "embodied/swarm.py"),
+)
+"""Files outside of rooms, or without kernels, on whose functions, constants, types or options compiled code depends."""
 
 _redirecting = threading.Lock()
 

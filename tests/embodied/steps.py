@@ -7,8 +7,8 @@ import numpy as np
 
 from epuck_sim import Simulation, Step
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.changes.faults import KINDS
 from epuck_sim.embodied.swarm import open_block
+from epuck_sim.faults import KINDS
 
 
 def bare_step(number: int, time_s: float, ring_on: BoolArray, phase_ms: Sequence[float] | FloatArray) -> Step:

@@ -198,3 +198,30 @@ def any_sections(draw: st.DrawFn, kind: str, most_agents: int = 7) -> dict[str, 
         "clocks": {"period_s": period_s, "jitter": draw(st.sampled_from([0.0, 0.0, 1e-3, 0.2]))},
         "stop": {"metric": metric, "reference": reference, "order_parameter": threshold},
     }
+
+
+WHOLE = ("ring_dead", "oscillator_frozen", "camera_blind", "wheels_dead", "restart")
+"""Kinds of faults that have no strength."""
+
+
+@st.composite
+def fault_lists(draw, sections):
+    """Return two faults that fit the sections, each with its times."""
+    period_s, agents = sections["clocks"]["period_s"], sections["agents"]["count"]
+    found = []
+    for _ in range(2):
+        kinds = [{"kind": kind} for kind in WHOLE if kind != "wheels_dead" or not sections["agents"]["speed_per_run"]]
+        kinds += [{"kind": "clock_drift", "rate": rate} for rate in (0.5, 1.01, 3)]
+        far = sections["space"]["side_cm"] / 4
+        kinds += [
+            {"kind": "camera_misses", "missed": 0.5},
+            {"kind": "camera_misses", "missed": 0.7, "farther_than_cm": far},
+        ]
+        fault = draw(st.sampled_from(kinds)) | {"at_s": round(draw(st.floats(0, 4)), 3) * period_s}
+        first = int(fault["kind"] == "oscillator_frozen")  # if all are frozen, nothing happens any more
+        whom = st.lists(st.integers(first, agents - 1), min_size=1, unique=True)
+        fault["agents"] = draw(whom if first else st.none() | whom)
+        if fault["kind"] != "restart" and draw(st.booleans()):
+            fault["until_s"] = fault["at_s"] + round(draw(st.floats(0.01, 3)), 3) * period_s
+        found.append(fault)
+    return found

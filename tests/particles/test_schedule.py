@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from epuck_sim import ParticleSimulation, load_scenario
 from epuck_sim.particles.twin import make_twin, simulate_with_twin
 from tests.particles.naive_model import NaiveEvent, NaiveModel
-from tests.particles.simulations import KINDS, any_sections, compare_events, make_simulation, scenario, state_of
+from tests.particles.simulations import (
+    KINDS,
+    any_sections,
+    compare_events,
+    fault_lists,
+    make_simulation,
+    scenario,
+    state_of,
+)
 
 STILL = {"agents": {"count": 4, "speed_cm_s": 0}, "start": {"phases": [0.1, 0.35, 0.6, 0.85]}}
 MIDDLES = np.arange(0.5, 30)
@@ -24,7 +32,9 @@ class ChangingModel(NaiveModel):
         super().__init__(swarm)
         pace = self.scenario.agents.speed_cm_s
         self.shares = [speed / pace if pace else 0.0 for speed in self.speeds]
-        self.waiting = sorted(self.scenario.schedule, key=lambda entry: entry.at_s)
+        self.waiting = sorted(
+            [(entry.at_s, self.change, entry) for entry in self.scenario.schedule], key=lambda each: each[0]
+        )
 
     def step(self) -> NaiveEvent:
         """Simulate up to the next event, or the next change."""
@@ -32,14 +42,15 @@ class ChangingModel(NaiveModel):
         for name in ("positions", "headings", "speeds", "phases", "left_of_runs", "streams", "receiver_streams"):
             setattr(ahead, name, copy.deepcopy(getattr(self, name)))
         event = NaiveModel.step(ahead)
-        moment = self.waiting[0].at_s / self.scenario.clocks.period_s if self.waiting else np.inf
+        moment = self.waiting[0][0] / self.scenario.clocks.period_s if self.waiting else np.inf
         if event.time <= moment:
             return super().step()
         self.advance(moment - self.time)
         self.is_synchronised = False
-        at_s = self.waiting[0].at_s
-        while self.waiting and self.waiting[0].at_s == at_s:
-            self.change(self.waiting.pop(0))
+        at_s = self.waiting[0][0]
+        while self.waiting and self.waiting[0][0] == at_s:
+            _, change, *what = self.waiting.pop(0)
+            change(*what)
         return NaiveEvent(self.time, None, frozenset(), frozenset(), event.time - moment)
 
     def change(self, entry) -> None:
@@ -140,13 +151,13 @@ def test_changes_at_one_instant_are_made_in_their_order_and_are_one_event(first)
 def test_a_change_is_the_same_to_the_bit_event_by_event_at_once_and_in_pieces(data, seed, kind, stops):
     sections = data.draw(any_sections(kind))
     sections["stop"]["order_parameter"] = None
-    sections["schedule"] = data.draw(entries(sections, kind))
+    sections["schedule"], sections["faults"] = data.draw(entries(sections, kind)), data.draw(fault_lists(sections))
     at_once, pieces, events, limited = swarms = [make_simulation(seed, **sections) for _ in range(4)]
     period_s = sections["clocks"]["period_s"]
     at_once.run_to(7 * period_s)
     for stop in sorted(stops):
         pieces.run_to(stop * period_s)
-    while len(events.events) < 2 or events.instants < at_once.instants:
+    while len(events.events) < len(at_once.events) or events.instants < at_once.instants:
         next(events)
     while limited.instants < at_once.instants:
         limited.run(10**6, pulses=3)

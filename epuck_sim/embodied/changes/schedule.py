@@ -1,10 +1,9 @@
-"""Changes of a schedule: robots that come and go, walls, phases, and faults.
+"""Changes of a schedule: robots that come and go, walls and phases.
 
 Robots that are not in the arena are parked far outside, at rest and in the dark. There they touch nothing, hide nobody
 and are not seen; their readings are blanked, and their controllers do not run.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -152,12 +151,3 @@ def displace_phases(
         rows = is_displaced[group.robots]
         phase_ms[rows] = displaced[rows]
         swarm.robots.actuators.ring_on[group.robots][rows] = 0
-
-
-def begin_or_end(swarm: Swarm, fault: int, *, begins: bool, time_ms: float) -> None:
-    """Begin or end a scheduled fault, in the control step at this time, in all robots that may have it."""
-    affected = swarm.affected.reshape(len(swarm.faults), -1)[fault]
-    is_active = affected.is_active
-    will_be = is_active ^ (affected.change_ms <= time_ms)  # after entries before this one
-    concerned = affected.is_member & (will_be != begins)
-    affected.change_ms[concerned] = np.where(is_active[concerned] != begins, time_ms, math.inf)

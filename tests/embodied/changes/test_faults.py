@@ -12,6 +12,7 @@ from epuck_sim.embodied import start
 from epuck_sim.embodied.changes import faults as robot_faults
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
+from epuck_sim.faults import random_share, set_faults
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.util.rng import next_word, uniform
 from epuck_sim.util.seeds import robot_streams
@@ -31,8 +32,8 @@ def faulty_block(faults, robots, seed):
     block = make_block({**lengths, "log": robot_faults.LOGGED_STEPS * len(scenario.faults) * scenario.robot_count})
     swarm = open_block(block)
     swarm.scene[0].step_ms = STEP_MS
-    robot_faults.set_faults(swarm, scenario)
-    robot_faults.restart_faults(block, scenario, seed)
+    set_faults(swarm.faults, scenario.faults)
+    robot_faults.begin_faults(block, scenario, seed)
     return block
 
 
@@ -178,7 +179,7 @@ def test_a_flash_is_missed_as_a_whole_and_independently_of_others(signal):
     key, is_seen = swarm_of(simulation).affected.key[0], []
     next(simulation)
     for flash in range(1, 151):
-        is_seen.append(robot_faults.random_share(key, 1, flash) >= 0.3)
+        is_seen.append(random_share(key, 1, flash) >= 0.3)
         for lit in (True, True, True, False):
             simulation.command(ring_on=[False, lit])
             assert next(simulation).camera[0].any() == (lit and is_seen[-1])
@@ -203,7 +204,7 @@ def test_who_sees_which_flashes_is_as_a_slow_twin_says():
         section, distance = faults[fault], math.dist(*((robots.x[each], robots.y[each]) for each in (robot, other)))
         if not affected.is_member[fault, robot] or section["kind"] == "camera_blind":
             return section["kind"] == "camera_blind" and robot == 3
-        share = robot_faults.random_share(affected.key[fault, robot], other, robots.flash_number[other])
+        share = random_share(affected.key[fault, robot], other, robots.flash_number[other])
         near, far = section.get("nearer_than_cm", 0), section.get("farther_than_cm", math.inf)
         return (distance < near or distance > far) and share < section["missed"]
 
@@ -217,7 +218,7 @@ def test_who_sees_which_flashes_is_as_a_slow_twin_says():
 
 
 def test_random_shares_are_uniform_and_do_not_depend_on_each_other():
-    drawn, flashes = robot_faults.random_share, [(sender, flash) for sender in range(10) for flash in range(50)]
+    drawn, flashes = random_share, [(sender, flash) for sender in range(10) for flash in range(50)]
     shares = np.array([[drawn(np.uint64(key), *flash) for flash in flashes] for key in range(8)])
     assert ((np.histogram(shares, 20, (0, 1))[0] - 200) ** 2 / 200).sum() < 43.8
     assert len(np.unique(shares)) == shares.size

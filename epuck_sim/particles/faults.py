@@ -1,0 +1,145 @@
+"""Effects of faults on pulses, clocks and speeds of point agents; `epuck_sim.faults` has who has them, and when."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray, RecordArray
+from epuck_sim.faults import (
+    CAMERA_BLIND,
+    CLOCK_DRIFT,
+    OSCILLATOR_FROZEN,
+    RESTART,
+    RING_DEAD,
+    WHEELS_DEAD,
+    change_until,
+    is_missed,
+    restart_faults,
+)
+from epuck_sim.particles.motion import advance_one, begin_motion, distance_travelled, stop_at_present
+from epuck_sim.particles.neighbours import nearest_image, row_of
+from epuck_sim.particles.oscillators import forget_earliest
+from epuck_sim.particles.swarm import Arrays, Faulty, Neighbours, Trajectories, entry_of
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.util.jit import jit, jit_no_alloc
+from epuck_sim.util.native import carve
+
+FAULT_SEED = 5
+"""Index of the seed of faults among the children of a trial's seed, after that of schedules."""
+
+FROZEN_RATE = 2.0**-60
+"""Rate of the clock of a frozen oscillator: its phase stays, as far as it has digits."""
+
+
+def begin_faults(swarm: Arrays, scenario: ParticleScenario, seed: int) -> None:
+    """Begin a trial with the faults that its seed draws; periods and speeds are those without faults."""
+    restart_faults(swarm.faults, swarm.affected, scenario.faults, seed, FAULT_SEED)
+    swarm.base_period[:], swarm.base_speed[:] = swarm.period, swarm.speed
+    swarm.is_mute[:] = swarm.is_deaf[:] = False
+
+
+def change_faults(swarm: Arrays, time_ms: float) -> Iterator[tuple[int, int, bool, list[int]]]:
+    """Begin and end the faults that are due; yield number, kind, whether it begins, and the agents of each change.
+
+    The swarm is one that has been observed at this time.
+    """
+    faults, affected = _records(swarm)
+    before, phases = affected.is_active.copy(), np.empty(affected.size)
+    _change_each(faults, swarm.affected, time_ms, phases)
+    phases = phases.reshape(affected.shape)
+    swarm.is_mute[:] = _have(swarm, RING_DEAD)
+    swarm.is_deaf[:] = _have(swarm, CAMERA_BLIND) | _have(swarm, OSCILLATOR_FROZEN)
+    drifts = faults.kind == CLOCK_DRIFT
+    rates = np.where(affected.is_active[drifts], faults.strength[drifts, None], 1.0).prod(axis=0)
+    _set_periods(swarm, swarm.base_period / (rates * np.where(_have(swarm, OSCILLATOR_FROZEN), FROZEN_RATE, 1.0)))
+    restarted, phase = (phases >= 0).any(axis=0), phases.max(axis=0)
+    swarm.next_firing[restarted] = swarm.scene.now + ((1 - phase) * swarm.period)[restarted]
+    forget_earliest(swarm)
+    if (faults.kind == WHEELS_DEAD).any():
+        stop_at_present(swarm, speeds_with_faults(swarm, swarm.base_speed))
+        swarm.cached_until[:] = swarm.scene.sorted_at = -np.inf  # these hold for the speeds before
+        begin_motion(swarm.block)
+    for fault, kind in enumerate(faults.kind.tolist()):
+        for begins in (False, True):
+            changed = (affected.is_active[fault] != before[fault]) & (before[fault] != begins)
+            if kind == RESTART and begins:
+                changed = phases[fault] >= 0
+            if changed.any():
+                yield fault, kind, begins, np.flatnonzero(changed).tolist()
+
+
+def speeds_with_faults(swarm: Arrays, speeds: FloatArray) -> FloatArray:
+    """Set the speeds without faults, (agents,) cm per cycle; return those with them."""
+    swarm.base_speed[:] = speeds
+    return np.where(_have(swarm, WHEELS_DEAD), 0.0, speeds)
+
+
+def _have(swarm: Arrays, kind: int) -> BoolArray:
+    """Return (agents,) whether each agent has a fault of this kind."""
+    faults, affected = _records(swarm)
+    has: BoolArray = affected.is_active[faults.kind == kind].any(axis=0)
+    return has
+
+
+def _records(swarm: Arrays) -> tuple[RecordArray, RecordArray]:
+    """Return the faults, and their states as (faults, agents)."""
+    return swarm.faults, swarm.affected.reshape(len(swarm.faults), -1)
+
+
+def _set_periods(swarm: Arrays, periods: FloatArray) -> None:
+    """Let clocks go on at other rates, from the phases where they are."""
+    other, now = periods != swarm.period, swarm.scene.now
+    left = (swarm.next_firing - now) * (periods / swarm.period)
+    swarm.next_firing[other] = now + left[other]
+    swarm.period[:] = periods
+
+
+@jit
+def _change_each(faults: RecordArray, affected: RecordArray, time_ms: float, phases: FloatArray) -> None:
+    agents = len(affected) // len(faults)
+    for place in range(len(affected)):
+        phases[place] = change_until(faults[place // agents], affected[place], time_ms)
+
+
+@jit_no_alloc
+def keep_heard(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
+    """List in `heard` the receivers of an agent's pulse that faults do not keep from it."""
+    neighbours, faulty = carve(block, Neighbours), carve(block, Faulty)
+    scene, row = neighbours.scene, row_of(neighbours, agent)
+    scene.heard = 0
+    for rank in range(neighbours.counts[agent]):
+        other = entry_of(neighbours.members, row + rank)
+        if is_heard(block, addresses, agent, other, time, scene.instants):
+            faulty.heard[scene.heard] = other
+            scene.heard += 1
+
+
+@jit_no_alloc
+def is_heard(block: ByteArray, addresses: IntArray, sender: int, receiver: int, time: float, instant: int) -> bool:
+    """Return whether no fault keeps a pulse from its receiver; an agent's pulses are told apart by their instants."""
+    trajectories, faulty = carve(block, Trajectories), carve(block, Faulty)
+    scene, square = trajectories.scene, 0.0
+    if faulty.is_mute[sender] or faulty.is_deaf[receiver]:
+        return False
+    advance_one(block, addresses, trajectories, sender, time)
+    advance_one(block, addresses, trajectories, receiver, time)
+    for axis in range(scene.dimensions):
+        to, here = axis * scene.agents + sender, axis * scene.agents + receiver
+        offset = trajectories.origin[to] - trajectories.origin[here]
+        offset += trajectories.heading[to] * distance_travelled(trajectories, sender, time)
+        offset -= trajectories.heading[here] * distance_travelled(trajectories, receiver, time)
+        offset = nearest_image(scene.is_cyclic, scene.side_cm, offset)
+        square += offset * offset
+    for fault in range(len(faulty.faults)):
+        state = faulty.affected[fault * scene.agents + receiver]
+        if is_missed(faulty.faults[fault], state, np.sqrt(square), sender, instant):
+            return False
+    return True
+
+
+@jit
+def mark_heard(block: ByteArray, addresses: IntArray, senders: IntArray, receivers: IntArray, found: BoolArray) -> None:
+    """Write whether each receiver of a pulse of the last instant heard it, no time having passed since."""
+    scene = carve(block, Trajectories).scene
+    for link in range(len(senders)):
+        found[link] = is_heard(block, addresses, senders[link], receivers[link], scene.now, scene.instants - 1)
