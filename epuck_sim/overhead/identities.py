@@ -10,7 +10,7 @@ speed allows.
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.flashes import FlashTable
 from epuck_sim.overhead.synchrony import mean_shift, pairs_within
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 ROUNDS = 5  # number of times that flashes are linked, each time by what was learnt before
 BLOCK_PERIODS = 8.0  # length of a part of the film whose flashes are linked at once
@@ -67,39 +64,34 @@ def link_flashes(flashes: FlashTable, period_s: float, floor_cm: tuple[float, fl
     """Return the identities of a film's flashes, for the period of the oscillators and the floor's width and height."""
     if not len(flashes.onset_s):
         return Identities(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), 0.0)
-    habits = Habits.at_first(flashes, period_s, floor_cm)
-    candidates = pairs_within(flashes.onset_s, flashes.onset_s, (SHORTEST * period_s, 2 * LONGEST * period_s))
-    ways = ways_between(flashes, *candidates, habits)
+    onset_s, habits = flashes.onset_s, Habits.at_first(flashes, period_s, floor_cm)
+    source, target = pairs_within(onset_s, onset_s, (SHORTEST * period_s, 2 * LONGEST * period_s))
+    ways = ways_between(flashes, source, target, habits)
+    log_area = math.log(math.tau * floor_cm[0] * floor_cm[1])
+    since, until = (onset_s - onset_s[0]) / period_s, (onset_s[-1] - onset_s) / period_s
+    begin, end = (np.log(np.clip(1.0 - share, MISSED / 4, 1.0)) for share in (since, until))
     for _ in range(ROUNDS):
-        costs = _costs(flashes.onset_s, habits, candidates, -habits.log_likelihood(ways))
-        links = _link(flashes.onset_s, costs, BLOCK_PERIODS * period_s)
-        is_linked = links[candidates[0]] == candidates[1]
+        costs = np.minimum(-habits.log_likelihood(ways) + begin[target] - log_area + end[source], 0.0)
+        links = _link(onset_s, (source, target, costs), BLOCK_PERIODS * period_s)
+        is_linked = links[source] == target
         if not is_linked.any():
             break
         habits = habits.relearnt(Ways(*(column[is_linked] for column in ways)))
-    certainty = _certainties(links, costs, flashes.onset_s, period_s)
+    certainty = _certainties(links, (source, target, costs), onset_s, period_s)
     return Identities(*_number(links), certainty, habits.speed_cm_s)
 
 
-def _costs(
-    onset_s: FloatArray, habits: "Habits", candidates: tuple[IntArray, IntArray], costs: FloatArray
-) -> "csr_array":
-    """Return (flashes, flashes) costs of links; negative if likelier than a lost robot and a new one."""
-    from scipy.sparse import csr_array  # noqa: PLC0415 takes a while to load
-
-    source, target = candidates
-    area = math.tau * habits.floor_cm[0] * habits.floor_cm[1]
-    since, until = (onset_s - onset_s[0]) / habits.period_s, (onset_s[-1] - onset_s) / habits.period_s
-    begin, end = (np.log(np.clip(1.0 - share, MISSED / 4, 1.0)) for share in (since, until))
-    gain = np.minimum(costs + begin[target] - math.log(area) + end[source], 0.0)
-    return csr_array((gain, candidates), shape=(len(onset_s), len(onset_s)))
+Costs = tuple[IntArray, IntArray, FloatArray]
+"""(n,) first flashes of links, ascending, second ones, and costs: negative if likelier than a lost and a new robot."""
 
 
-def _block(costs: "csr_array", first: int, end: int) -> tuple[IntArray, FloatArray]:
+def _block(costs: Costs, first: int, end: int) -> tuple[IntArray, FloatArray]:
     """Return (m,) the targets of some flashes, ascending, and (flashes, m) costs."""
-    rows = costs[first:end]
-    targets = np.unique(rows.indices)
-    return targets, rows[:, targets].toarray()
+    part = slice(*np.searchsorted(costs[0], (first, end)))
+    targets, columns = np.unique(costs[1][part], return_inverse=True)
+    table = np.zeros((end - first, len(targets)))
+    table[costs[0][part] - first, columns] = costs[2][part]
+    return targets, table
 
 
 def _assign(costs: FloatArray) -> tuple[IntArray, IntArray]:
@@ -109,7 +101,7 @@ def _assign(costs: FloatArray) -> tuple[IntArray, IntArray]:
     return rows, columns
 
 
-def _link(onset_s: FloatArray, costs: "csr_array", block_s: float) -> IntArray:
+def _link(onset_s: FloatArray, costs: Costs, block_s: float) -> IntArray:
     """Return (flashes,) the flash that follows each, or -1; blocks overlap, so that their ends do not matter."""
     links = np.full(len(onset_s), -1)
     begin = 0
@@ -125,7 +117,7 @@ def _link(onset_s: FloatArray, costs: "csr_array", block_s: float) -> IntArray:
     return links
 
 
-def _certainties(links: IntArray, costs: "csr_array", onset_s: FloatArray, period_s: float) -> FloatArray:
+def _certainties(links: IntArray, costs: Costs, onset_s: FloatArray, period_s: float) -> FloatArray:
     """Return (flashes,) the certainty of the link to each flash from the one before; NaN where there is none.
 
     Each link is forbidden in turn, and the flashes within a period of its first flash are linked anew.

@@ -10,7 +10,6 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.sparse import csr_array
 
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import IntArray
@@ -99,7 +98,9 @@ def test_links_cost_least(costs: list[list[float]]) -> None:
     rows, flashes = len(costs), len(costs) + 4
     table = np.zeros((flashes, flashes))
     table[:rows, rows:] = costs
-    parts, links = (identities._link(np.arange(float(flashes)), csr_array(table), block_s) for block_s in (2.0, 20.0))
+    source, target = np.nonzero(table)
+    given_costs = source, target, table[source, target]
+    parts, links = (identities._link(np.arange(float(flashes)), given_costs, block_s) for block_s in (2.0, 20.0))
     total = sum(table[source, target] for source, target in enumerate(links) if target >= 0)
     least = min(sum(costs[row][target] for row, target in enumerate(each)) for each in permutations(range(4), rows))
     assert total == pytest.approx(least)
@@ -109,7 +110,7 @@ def test_links_cost_least(costs: list[list[float]]) -> None:
 
 def test_a_flash_that_follows_one_long_before_or_after_is_no_alternative() -> None:
     links, onset_s = np.array([2, 3, -1, -1]), np.array([0.0, 5.0, 6.0, 7.0])
-    costs = csr_array(([-5.0, -5.0, -5.0], ([0, 0, 1], [2, 3, 3])), shape=(4, 4))
+    costs = np.array([0, 0, 1]), np.array([2, 3, 3]), np.full(3, -5.0)
     certainty = identities._certainties(links, costs, onset_s, 1.0)
     assert certainty == pytest.approx([np.nan, np.nan, 1 / (1 + np.exp(-5)), 1 / (1 + np.exp(-5))], nan_ok=True)
 
