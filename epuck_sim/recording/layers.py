@@ -16,7 +16,7 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.arena import Arena, floor_levels
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import half_view_rad
@@ -24,7 +24,7 @@ from epuck_sim.embodied.start import parked
 from epuck_sim.recording import Level
 from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
-from epuck_sim.recording.series import KEEP_EXTREMES, WHEELS, robot_names, scalar_columns
+from epuck_sim.recording.series import KEEP_EXTREMES, WHEELS, robot_names, scalars
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import Cone, ParticleScenario, Range
 from epuck_sim.scenario.robot_kind import ProximitySection, RobotKind
@@ -145,7 +145,16 @@ def static_arena_entities(population: Population, level: Level) -> Iterator[Chun
     yield static_chunk(LEGEND, rr.TextDocument(" ".join(drawn)))
     width, height = population.largest_cm
     yield static_chunk(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
-    yield from _floor_and_lamps(replace(arena, width_cm=width, height_cm=height))
+    if not arena.floor.is_white:
+        levels = floor_levels(replace(arena, width_cm=width, height_cm=height), FLOOR_PX)
+        rows, columns = levels.shape
+        pixel_cm = np.diag([width / columns, -height / rows, 1])  # rows count downwards
+        yield static_chunk(FLOOR, rr.Transform3D(translation=[0, height, 0], mat3x3=pixel_cm))
+        yield static_chunk(FLOOR, rr.Image(levels, color_model="L", draw_order=-10))
+    if len(arena.lamps):
+        labels = [f"{above:g} cm, strength {strength:g}" for _, _, above, strength in arena.lamps]
+        lamps = rr.Points2D(arena.lamps[:, :2], radii=arena.lamp_cm, colors=LAMP, labels=labels, draw_order=10)
+        yield static_chunk(LAMPS, lamps)
     for entity, outlines in ((WALLS, _wall_outlines(arena)), (OBSTACLES, _obstacle_outlines(arena))):
         if population.arena_changes:
             yield static_chunk(entity, rr.LineStrips2D.from_fields(colors=GREY))
@@ -168,25 +177,12 @@ def static_arena_entities(population: Population, level: Level) -> Iterator[Chun
     yield static_chunk(HEADINGS, arrows)
 
 
-def _floor_and_lamps(arena: Arena) -> Iterator[Chunk]:
-    if not arena.floor.is_white:
-        levels = floor_levels(arena, FLOOR_PX)
-        rows, columns = levels.shape
-        pixel_cm = np.diag([arena.width_cm / columns, -arena.height_cm / rows, 1])  # rows count downwards
-        yield static_chunk(FLOOR, rr.Transform3D(translation=[0, arena.height_cm, 0], mat3x3=pixel_cm))
-        yield static_chunk(FLOOR, rr.Image(levels, color_model="L", draw_order=-10))
-    if len(arena.lamps):
-        labels = [f"{height:g} cm, strength {strength:g}" for _, _, height, strength in arena.lamps]
-        lamps = rr.Points2D(arena.lamps[:, :2], radii=arena.lamp_cm, colors=LAMP, labels=labels, draw_order=10)
-        yield static_chunk(LAMPS, lamps)
-
-
 def _changing_walls(batch: RowBatch) -> Iterator[Chunk]:
     rows, arenas = zip(*batch.arenas, strict=True)
     for entity, outlines_of in ((WALLS, _wall_outlines), (OBSTACLES, _obstacle_outlines)):
         outlines = [outlines_of(arena) for arena in arenas]
         strips = rr.LineStrips2D.columns(strips=[*chain.from_iterable(outlines)])
-        yield temporal_chunk(entity, batch.time_ns[[*rows]], *strips.partition([*map(len, outlines)]))
+        yield temporal_chunk(entity, batch.time_ns[[*rows]], strips, [*map(len, outlines)])
 
 
 def _wall_outlines(arena: Arena) -> list[FloatArray]:
@@ -211,24 +207,20 @@ def arena_entities(batch: RowBatch, population: Population) -> Iterator[Chunk]:
     """Yield positions, headings and rings in these rows, movables, and walls that change."""
     if population.arena_changes:
         yield from _changing_walls(batch)
-    poses, time_ns = batch.poses, batch.time_ns
-    each = np.full(len(poses), poses.shape[1])
-    middles = poses[..., :2].reshape(-1, 2)
-    ahead = (population.radii_cm[:, None] * unit_vectors(poses[..., 2])).reshape(-1, 2)
-    rings = batch.ring_on.ravel().astype(np.uint16)
-    discs = rr.Points2D.columns(positions=middles, class_ids=rings)
-    yield temporal_chunk(ROBOTS, time_ns, *discs.partition(each))
-    arrows = rr.Arrows2D.columns(origins=middles, vectors=ahead)
-    yield temporal_chunk(HEADINGS, time_ns, *arrows.partition(each))
-    if poses.shape[1] < UNLABELLED:
-        behind = middles.reshape(each.size, -1, 2) - number_style(population)[1] * ahead.reshape(each.size, -1, 2)
-        places = np.nan_to_num(np.pad(behind, ((0, 0), (0, 0), (0, 1))), nan=NOWHERE_CM)
-        for number in range(poses.shape[1]):
-            moved = rr.Transform3D.columns(translation=places[:, number])
-            yield temporal_chunk(f"{NUMBERS}/{number}", time_ns, *moved)
+    count, time_ns, places = population.size, batch.time_ns, batch.poses[..., :2]
+    ahead = population.radii_cm[:, None] * unit_vectors(batch.poses[..., 2])
+    middles, rings = places.reshape(-1, 2), batch.ring_on.ravel().astype(np.uint16)
+    yield temporal_chunk(ROBOTS, time_ns, rr.Points2D.columns(positions=middles, class_ids=rings), count)
+    yield temporal_chunk(HEADINGS, time_ns, rr.Arrows2D.columns(origins=middles, vectors=ahead.reshape(-1, 2)), count)
+    if count < UNLABELLED:
+        behind = places - number_style(population)[1] * ahead
+        behind = np.nan_to_num(np.pad(behind, ((0, 0), (0, 0), (0, 1))), nan=NOWHERE_CM)
+        for number in range(count):
+            moved = rr.Transform3D.columns(translation=behind[:, number])
+            yield temporal_chunk(f"{NUMBERS}/{number}", time_ns, moved)
     if batch.movables.size:
         pushed = rr.Points2D.columns(positions=batch.movables.reshape(-1, 2))
-        yield temporal_chunk(MOVABLES, time_ns, *pushed.partition(np.full(len(poses), batch.movables.shape[1])))
+        yield temporal_chunk(MOVABLES, time_ns, pushed, batch.movables.shape[1])
 
 
 def static_ranges(ranges_cm: FloatArray, thin_cm: float) -> Chunk:
@@ -239,8 +231,9 @@ def static_ranges(ranges_cm: FloatArray, thin_cm: float) -> Chunk:
 
 def ranges(middles: FloatArray, batch: RowBatch) -> Chunk:
     """Return the circles in these rows, around `middles`, (rows, circles, 2) cm."""
-    circles = rr.Ellipses2D.columns(centers=middles.reshape(-1, 2))
-    return temporal_chunk(RANGES, batch.time_ns, *circles.partition(np.full(len(middles), middles.shape[1])))
+    return temporal_chunk(
+        RANGES, batch.time_ns, rr.Ellipses2D.columns(centers=middles.reshape(-1, 2)), middles.shape[1]
+    )
 
 
 def unit_vectors(angle: FloatArray) -> FloatArray:
@@ -260,13 +253,13 @@ def ray_ends(origins: FloatArray, rays: FloatArray, longest_cm: FloatArray | flo
     return ends
 
 
-def strip_columns(strips: FloatArray) -> rr.ComponentColumnList:
-    """Return strips of k points, (rows, strips, k, 2), as columns: rerun's own conversion loops over strips."""
+def line_strips(entity: str, time_ns: IntArray, strips: FloatArray) -> Chunk:
+    """Return a chunk of strips of k points, (rows, strips, k, 2): rerun's own conversion loops over strips."""
     rows, count, corners, _ = strips.shape
     flat = pa.FixedSizeListArray.from_arrays(pa.array(strips.astype(np.float32).ravel()), 2)
     offsets = pa.array(np.arange(rows * count + 1, dtype=np.int32) * corners)
     array = pa.ListArray.from_arrays(offsets, flat).cast(rr.components.LineStrip2DBatch._ARROW_DATATYPE)
-    return rr.LineStrips2D.columns(strips=array).partition(np.full(rows, count))
+    return temporal_chunk(entity, time_ns, rr.LineStrips2D.columns(strips=array), count)
 
 
 class AgentLayers:
@@ -304,7 +297,7 @@ class AgentLayers:
             rays = unit_vectors(batch.poses[..., 2, None] + self._arc)
             apex = middles[:, :, None]
             arc = ray_ends(apex, rays, self._cone_cm, self._population.arena)
-            yield temporal_chunk(CONES, time_ns, *strip_columns(np.concatenate([apex, arc, apex], axis=2)))
+            yield line_strips(CONES, time_ns, np.concatenate([apex, arc, apex], axis=2))
         if self._range_cm is not None:
             yield ranges(middles, batch)
         rows, firing, receiving, is_shifted = batch.links.T
@@ -314,7 +307,7 @@ class AgentLayers:
             ways -= side_cm * np.rint(ways / side_cm)
         shifts = is_shifted.astype(np.uint16)
         arrows = rr.Arrows2D.columns(origins=middles[rows, firing], vectors=ways, class_ids=shifts)
-        yield temporal_chunk(LINKS, time_ns, *arrows.partition(np.bincount(rows, minlength=len(time_ns))))
+        yield temporal_chunk(LINKS, time_ns, arrows, np.bincount(rows, minlength=len(time_ns)))
 
 
 class RobotLayers:
@@ -348,9 +341,6 @@ class RobotLayers:
         yield static_chunk(SIGHTINGS, SIGHTS)
         yield static_chunk(SIGHTINGS, rr.Arrows2D.from_fields(radii=0.1, show_labels=False, draw_order=5))
         yield static_chunk(CONTACTS, rr.Points2D.from_fields(radii=0.6, colors=YELLOW, draw_order=40))
-        yield from self._static_pictures()
-
-    def _static_pictures(self) -> Iterator[Chunk]:
         robots, pixels = self._population.size, self._scenario.camera_pixels
         minute = self._side_by_side * (pixels + GAP), PICTURE_STEPS
         for entity, size in ((CAMERA, (pixels, robots)), (SPACE_TIME, minute)):
@@ -367,14 +357,14 @@ class RobotLayers:
     def chunks(self, batch: RowBatch) -> Iterator[Chunk]:
         """Yield the drawings of these steps."""
         poses, time_ns = batch.poses, batch.time_ns
-        yield temporal_chunk(WHEELS, time_ns, *scalar_columns(batch.wheels_cm_s))
-        yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(batch)))
+        yield scalars(WHEELS, time_ns, batch.wheels_cm_s)
+        yield line_strips(VIEWS, time_ns, self._views(batch))
         if len(self._encircled) > 0:
             yield ranges(poses[:, self._encircled, :2], batch)
         yield from self._links(batch)
         rows, distances = batch.camera.reshape(len(poses), -1), batch.distance_mm.reshape(len(poses), -1)
-        yield temporal_chunk(CAMERA, time_ns, *rr.SegmentationImage.columns(buffer=rows))
-        yield temporal_chunk(INFRARED, time_ns, *rr.DepthImage.columns(buffer=distances.view(np.uint8)))
+        yield temporal_chunk(CAMERA, time_ns, rr.SegmentationImage.columns(buffer=rows))
+        yield temporal_chunk(INFRARED, time_ns, rr.DepthImage.columns(buffer=distances.view(np.uint8)))
         self._rows = np.concatenate([self._rows, batch.camera[:, : self._side_by_side]])
         while len(self._rows) >= PICTURE_STEPS:
             yield from self.final_chunks()
@@ -389,8 +379,7 @@ class RobotLayers:
             picture[0, : len(rows), :, :pixels] = rows
             began_ns = np.array([self._minutes * PICTURE_STEPS * self._step_ns])
             self._minutes += 1
-            buffer = rr.SegmentationImage.columns(buffer=picture.reshape(1, -1))
-            yield temporal_chunk(SPACE_TIME, began_ns, *buffer)
+            yield temporal_chunk(SPACE_TIME, began_ns, rr.SegmentationImage.columns(buffer=picture.reshape(1, -1)))
 
     def _views(self, batch: RowBatch) -> FloatArray:
         """Return (steps, robots, 3, 2) cm: left end, apex and right end of each view or cone, within the walls."""
@@ -420,10 +409,10 @@ class RobotLayers:
         origins = poses[steps, observers, :2] + forward_cm * unit_vectors(poses[steps, observers, 2])
         lit = batch.ring_before[steps, seen].astype(np.uint16)
         arrows = rr.Arrows2D.columns(origins=origins, vectors=poses[steps, seen, :2] - origins, class_ids=lit)
-        yield temporal_chunk(SIGHTINGS, time_ns, *arrows.partition(np.bincount(steps, minlength=len(poses))))
+        yield temporal_chunk(SIGHTINGS, time_ns, arrows, np.bincount(steps, minlength=len(poses)))
         steps = np.concatenate(touched_parts)[:, 0]
         dots = rr.Points2D.columns(positions=np.concatenate(points))
-        yield temporal_chunk(CONTACTS, time_ns, *dots.partition(np.bincount(steps, minlength=len(poses))))
+        yield temporal_chunk(CONTACTS, time_ns, dots, np.bincount(steps, minlength=len(poses)))
 
 
 def _format(width: int, height: int, number: Literal["U8", "U16"]) -> rr.components.ImageFormat:

@@ -7,6 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import rerun as rr
 from rerun.chunk import Chunk, LazyChunkStream
 
@@ -52,9 +54,15 @@ def static_chunk(entity: str, values: rr.AsComponents) -> Chunk:
     return Chunk.from_columns(entity, [], columns)
 
 
-def temporal_chunk(entity: str, time_ns: IntArray, *columns: rr.ComponentColumn) -> Chunk:
-    """Return a chunk with a row for each of these times, (rows,) in nanoseconds of simulated time."""
-    return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, duration=time_ns.astype("timedelta64[ns]"))], columns)
+def temporal_chunk(
+    entity: str, time_ns: IntArray, columns: rr.ComponentColumnList, lengths: npt.ArrayLike | None = None
+) -> Chunk:
+    """Return a chunk with a row for each of these times, (rows,) in nanoseconds of simulated time.
+
+    A row has one value, or as many as `lengths` says, for each row or for all of them.
+    """
+    parts = columns if lengths is None else columns.partition(np.broadcast_to(lengths, len(time_ns)))
+    return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, duration=time_ns.astype("timedelta64[ns]"))], parts)
 
 
 @contextmanager

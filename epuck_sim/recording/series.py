@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.step import check_fields, reading_fields
 from epuck_sim.recording import Level
 from epuck_sim.recording.rows import Population, RowBatch
@@ -60,22 +61,21 @@ def time_series(batch: RowBatch, population: Population, threshold: float | None
     """Yield the data of the plots in these rows; `threshold` is the order parameter's, None if there is none."""
     time_ns = batch.time_ns
     for field, values in batch.memory:
-        yield temporal_chunk(memory_entity(field), time_ns, *scalar_columns(values))
+        yield scalars(memory_entity(field), time_ns, values)
     if len(batch.flashes):
         rows, flashing, cycles = batch.flashes.T
-        numbers = rr.Scalars.columns(scalars=flashing)
-        yield temporal_chunk(FLASHES, time_ns[rows], *numbers, *rr.AnyValues.columns(cycle=cycles))
+        numbers = rr.Scalars.columns(scalars=flashing), rr.AnyValues.columns(cycle=cycles)
+        yield temporal_chunk(FLASHES, time_ns[rows], rr.ComponentColumnList(chain(*numbers)))
     if len(batch.firings):
-        order = rr.Scalars.columns(scalars=batch.firing_order)
-        yield temporal_chunk(ORDER_AT_FIRINGS, time_ns[batch.firings], *order)
-    yield temporal_chunk(ORDER_AT_STEPS, time_ns, *rr.Scalars.columns(scalars=batch.order_parameter))
+        yield scalars(ORDER_AT_FIRINGS, time_ns[batch.firings], batch.firing_order)
+    yield scalars(ORDER_AT_STEPS, time_ns, batch.order_parameter)
     if threshold is not None:
-        yield temporal_chunk(THRESHOLD, time_ns[[0, -1]], *rr.Scalars.columns(scalars=[threshold, threshold]))
+        yield scalars(THRESHOLD, time_ns[[0, -1]], np.full(2, threshold))
     if level is not Level.SUMMARY:
-        yield temporal_chunk(PHASES, time_ns, *scalar_columns(batch.phase_ms))
+        yield scalars(PHASES, time_ns, batch.phase_ms)
         if len(batch.firings):
             lead = phase_lead(batch.phase_ms[batch.firings], population)
-            yield temporal_chunk(PHASE_LEAD, time_ns[batch.firings], *scalar_columns(lead))
+            yield scalars(PHASE_LEAD, time_ns[batch.firings], lead)
 
 
 class Texts:
@@ -92,7 +92,7 @@ class Texts:
         if events := state.events[self._events :]:
             self._events += len(events)
             times = np.array([round(event.time_s * 1e9) for event in events])
-            yield temporal_chunk(EVENTS, times, *rr.TextLog.columns(text=list(map(_in_words, events))))
+            yield temporal_chunk(EVENTS, times, rr.TextLog.columns(text=list(map(_in_words, events))))
         cycles = self._cycles + np.searchsorted(batch.firings, np.arange(len(batch.time_ns)), side="right")
         self._cycles = state.cycles
         t_sync = state.outcome.cycles if state.is_synchronised else math.inf
@@ -103,7 +103,7 @@ class Texts:
             if text != self._said:
                 new[row] = self._said = text
         if new:
-            yield temporal_chunk(NOW, batch.time_ns[list(new)], *rr.TextDocument.columns(text=[*new.values()]))
+            yield temporal_chunk(NOW, batch.time_ns[list(new)], rr.TextDocument.columns(text=[*new.values()]))
 
 
 def phase_lead(phase_ms: FloatArray, population: Population) -> FloatArray:
@@ -118,10 +118,9 @@ def robot_names(population: Population) -> list[str]:
     return [f"{population.noun} {number}" for number in range(population.size)]
 
 
-def scalar_columns(values: FloatArray) -> rr.ComponentColumnList:
-    """Return (rows, ...) values as scalars, row by row."""
-    flat = values.reshape(len(values), -1)
-    return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))
+def scalars(entity: str, time_ns: IntArray, values: FloatArray) -> Chunk:
+    """Return a chunk of (rows, ...) values, row by row."""
+    return temporal_chunk(entity, time_ns, rr.Scalars.columns(scalars=values.ravel()), math.prod(values.shape[1:]))
 
 
 def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> tuple[str, ...]:
