@@ -252,7 +252,7 @@ class SeenRings(NamedTuple):
 
 
 def measure_rings(frames: Iterable[Frame], background: Background, most_frames: int) -> SeenRings:
-    """Measure rings of unknown size in the dark frames of a film, which also update the background.
+    """Measure the bright rings, of unknown size, in the dark frames of a film, which also update the background.
 
     Reading ends with enough rings or pictures, or `most_frames` after the first frame with a ring.
     """
@@ -275,7 +275,11 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
     if first is not None and not survey.found:  # the light in the first picture never went off
         background.levels = None
         survey.examine(first)
-    return survey.seen_rings()
+    table = np.array(survey.found).reshape(-1, 7)
+    if not len(table):
+        return SeenRings(table[:, :2], table[:, 2], table[:, 3:5])
+    table = table[table[:, 5] >= USUAL_LIGHT * np.quantile(table[:, 5], 0.9)]
+    return SeenRings(table[:, :2], table[:, 2], table[:, 3:5], float(np.median(table[:, 5])))
 
 
 class _Survey:
@@ -283,56 +287,36 @@ class _Survey:
 
     def __init__(self) -> None:
         self.found: list[list[float]] = []
-        self._finders: list[RingFinder] = []
-        self._useful: list[int] = []
+        """Column, row, radius, px; flattening, cosine and sine; light, levels; misfit relative to the radius."""
         self.pictures = 0  # with rings
+        self._finders: list[RingFinder] = []
+        self._useful: set[RingFinder] = set()
 
     def examine(self, light: Light) -> None:
         """Search rings in the light of a dark picture; of several at one place, keep the one that fits best."""
+        above_cm = VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM
         if not self._finders:
             rows, columns = light.shape
             sizes = math.floor(math.log(MAX_RADIUS * min(rows, columns) / MIN_RADIUS_PX, STEP)) + 1
             px_per_cm = MIN_RADIUS_PX * STEP ** np.arange(sizes) / epuck.RING_RADIUS_CM
-            focals_px = (px_per_cm * (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)).tolist()
-            above_cm = np.array([0.0, 0.0, VIEW_HEIGHT_CM])
-            lenses = (simple_lens(columns, rows, focal_px) for focal_px in focals_px)
-            self._finders = [RingFinder(CameraModel(columns, rows, lens, LOOKING_DOWN, above_cm)) for lens in lenses]
-            self._useful = [0] * len(self._finders)
+            lenses = (simple_lens(columns, rows, focal_px) for focal_px in (px_per_cm * above_cm).tolist())
+            place_cm = np.array([0.0, 0.0, VIEW_HEIGHT_CM])
+            self._finders = [RingFinder(CameraModel(columns, rows, lens, LOOKING_DOWN, place_cm)) for lens in lenses]
         seen: list[list[float]] = []
-        for index, finder in enumerate(self._finders):
-            if self.pictures < SURVEYED or self._useful[index]:
-                rings = _seen_by(finder, light)
-                self._useful[index] += len(rings)
-                seen += rings
+        for finder in self._finders:
+            if self.pictures < SURVEYED or finder in self._useful:
+                for fit in finder.fits(light):
+                    self._useful.add(finder)
+                    place_px = finder.camera.project(finder.view.centres_cm([fit]))[0].tolist()
+                    radius_px = fit.radius_cm * (finder.camera.lens.focal_px / above_cm)
+                    along, aside = fit.flattening  # rows of the view count upwards
+                    seen.append([*place_px, radius_px, along, -aside, fit.light, fit.misfit_cm / fit.radius_cm])
         kept: list[list[float]] = []
         for ring in sorted(seen, key=lambda each: each[-1]):
             if all(math.dist(ring[:2], other[:2]) > max(ring[2], other[2]) for other in kept):
                 kept.append(ring)
         self.found += kept
         self.pictures += bool(seen)
-
-    def seen_rings(self) -> SeenRings:
-        """Return the rings that are bright; the fit leaves out those of other sizes."""
-        table = np.array(self.found).reshape(-1, 7)
-        if len(table):
-            table = table[table[:, 5] >= USUAL_LIGHT * np.quantile(table[:, 5], 0.9)]
-        light = float(np.median(table[:, 5])) if len(table) else 0.0
-        return SeenRings(table[:, :2], table[:, 2], table[:, 3:5], light)
-
-
-def _seen_by(finder: RingFinder, light: Light) -> list[list[float]]:
-    """Return each ring as a finder with a search camera sees it.
-
-    That is column, row and radius, px; flattening, cosine and sine; light, levels; and misfit relative to the radius.
-    """
-    fits = finder.fits(light)
-    if not fits:
-        return []
-    px_per_cm = finder.camera.lens.focal_px / (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)
-    places_px = finder.camera.project(finder.view.centres_cm(fits))
-    radii_cm, levels, misfits_cm = np.array([(fit.radius_cm, fit.light, fit.misfit_cm) for fit in fits]).T
-    flattening = np.array([fit.flattening for fit in fits]) * (1, -1)  # rows of the view count upwards
-    return list(np.column_stack([places_px, radii_cm * px_per_cm, flattening, levels, misfits_cm / radii_cm]).tolist())
 
 
 def fit_camera(
