@@ -165,19 +165,14 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
         raise EpuckSimError(
             f"overhead.height_cm is {above_cm:g}; allowed: more than {2 * WALL_HEIGHT_CM:g}, twice the walls' height"
         )
-    rotation = _rotation(math.radians(section.tilt_deg), math.radians(section.turn_deg))
-    middle = np.array([width_cm / 2, height_cm / 2, 0.0])
+    rotation, tilt, turn = LOOKING_DOWN, math.radians(section.tilt_deg), math.radians(section.turn_deg)
+    if tilt or turn:
+        lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
+        spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
+        rotation = lean @ LOOKING_DOWN @ spin
+    position = np.array([width_cm / 2, height_cm / 2, 0.0]) + above_cm / rotation[2, 2] * rotation[2]
     lens = _lens(section, width_cm, height_cm, above_cm)
-    position = middle - above_cm / rotation[2, 2] * -rotation[2]
     return CameraModel(section.width_px, section.height_px, lens, rotation, position)
-
-
-def _rotation(tilt: float, turn: float) -> FloatArray:
-    if not tilt and not turn:
-        return LOOKING_DOWN  # without negative zeros
-    lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
-    spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
-    return np.asarray(lean @ LOOKING_DOWN @ spin)
 
 
 def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> Lens:
@@ -232,22 +227,18 @@ def find_views(
     """Return different views of a board with `squares` across and down; search it in a frame every `apart_s`."""
     find = _charuco_corners if is_charuco else _checkerboard_corners
     views: list[View] = []
-    last_s = -np.inf
+    last, last_s = View(), -np.inf
     for frame in frames:
         if frame.time_s - last_s < apart_s:
             continue
         last_s = frame.time_s
         view = find(np.asarray(cv2.cvtColor(frame.picture, cv2.COLOR_RGB2GRAY), np.uint8), squares)
-        if view and (not views or _has_moved(view, views[-1])):
-            views.append(view)
+        moves_px = [np.linalg.norm(view[place] - last[place]) for place in view.keys() & last.keys()]
+        if view and (not moves_px or np.mean(moves_px) >= MIN_MOVE_PX):
+            views.append(last := view)
         if len(views) >= MAX_VIEWS:
             break
     return views
-
-
-def _has_moved(view: View, last: View) -> bool:
-    moves = [float(np.linalg.norm(view[place] - last[place])) for place in view.keys() & last.keys()]
-    return not moves or sum(moves) / len(moves) >= MIN_MOVE_PX
 
 
 def _checkerboard_corners(grey: Light, squares: tuple[int, int]) -> View:

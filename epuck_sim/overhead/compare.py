@@ -59,7 +59,12 @@ def fit_film(track: Track, robots: Robots, step_s: float = 0.0) -> dict[str, Est
         fitted |= {"spread.wheel_speed": speeds, f"{group}.period_s": period, "spread.clock_rate": clocks}
         period_s = period_s if math.isnan(period.value) else period.value
     fitted[f"{group}.flash_fraction"] = _fit_flash(robots, track, period_s, step_s)
-    fitted["overhead.frames_per_s"] = _fit_rate(track.times_s)
+    frames_s = np.diff(track.times_s)
+    usual = frames_s[np.abs(frames_s / np.median(frames_s) - 1) < 0.5]
+    if len(usual):  # not three frames, say, of which two are close together
+        error_s = 2 * float(usual.std()) / math.sqrt(len(usual)) + 1e-3 / len(usual)  # times are stamped in ms, say
+        mean_s = float(usual.mean())
+        fitted["overhead.frames_per_s"] = Estimate(1 / mean_s, 1 / (mean_s + error_s), 1 / (mean_s - error_s))
     return {key: value for key, value in fitted.items() if not math.isnan(value.value)}
 
 
@@ -107,16 +112,6 @@ def _fit_flash(robots: Robots, track: Track, period_s: float, step_s: float) -> 
     shortest_s = mean_s - step_s - error_s - LIT_SHARE / track.fps
     found = Estimate(max(mean_s - step_s / 2, 0.0), max(shortest_s, 0.0), mean_s + error_s)
     return found.apply(lambda lit_s: lit_s / period_s)
-
-
-def _fit_rate(times_s: FloatArray) -> Estimate:
-    frames_s = np.diff(times_s)
-    usual = frames_s[np.abs(frames_s / np.median(frames_s) - 1) < 0.5]
-    if not len(usual):  # three frames, say, of which two are close together
-        return UNDETERMINED
-    error_s = 2 * float(usual.std()) / math.sqrt(len(usual)) + 1e-3 / len(usual)  # times are stamped in ms, say
-    mean_s = float(usual.mean())
-    return Estimate(1 / mean_s, 1 / (mean_s + error_s), 1 / (mean_s - error_s))
 
 
 def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estimate]:
@@ -286,19 +281,12 @@ def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Tra
         FilmError: The film is too short, or has no flashes.
     """
     times_s, poses, is_lit = _simulate(scenario, seed, film)
-    linker = FlashLinker()
+    linker, unseen = FlashLinker(), np.zeros(len(times_s), np.int64)
     for time_s, places, lit in zip(times_s.tolist(), poses[..., :2], is_lit, strict=True):
         rings = [Ring(x_cm, y_cm, epuck.RING_RADIUS_CM, 0.0, 0.0, 0.0, 100.0) for x_cm, y_cm in places[lit].tolist()]
         linker.add(time_s, rings)
-    counted = CountedRings(
-        frames=len(times_s),
-        start_s=0.0,
-        times_s=times_s,
-        counts=is_lit.sum(axis=1),
-        areas_px=np.zeros(len(times_s), np.int64),
-        flashes=linker.flashes,
-        geometry=film.geometry._replace(floor_cm=(scenario.arena.width_cm, scenario.arena.height_cm)),
-    )
+    geometry = film.geometry._replace(floor_cm=(scenario.arena.width_cm, scenario.arena.height_cm))
+    counted = CountedRings(len(times_s), 0.0, times_s, is_lit.sum(axis=1), unseen, linker.flashes, geometry)
     robots = None if film.options.robots is None else int(is_lit.any(axis=0).sum())
     options = film.options._replace(robots=robots, tag_numbers=None)
     track = analyse(f"trial {seed} of {scenario.name}", counted, options, ())

@@ -101,7 +101,11 @@ class Renderer:
         self._floor_cm = camera.plane_map(0.0)
         self._dimming = dimming(camera.width_px, camera.height_px, section.vignetting)
         self._movable_cm = arena.circles[arena.first_movable :, 2]
-        self._lamps = _lamps_seen(self._floor_cm, camera.position_cm, arena)
+        self._lamps = np.zeros(self._floor_cm.shape[:2], bool)  # the camera sees those below it; nothing hides them
+        for x, y, height_cm, _ in arena.lamps[arena.lamps[:, 2] < camera.position_cm[2]]:
+            rise = height_cm / camera.position_cm[2]
+            off_cm = (1 - rise) * self._floor_cm + rise * camera.position_cm[:2] - (x, y)
+            self._lamps |= np.hypot(*np.moveaxis(off_cm, -1, 0)) <= arena.lamp_cm
         self._room = render_room(self._floor_cm, camera.position_cm, arena)
         self._arena = self._first_arena = arena
         self._random = np.random.default_rng(seed)
@@ -198,12 +202,7 @@ class ArenaView:
     (240, 240, 3)
     """
 
-    def __init__(
-        self,
-        scenario: ScenarioLike,
-        width_px: int | None = None,
-        height_px: int | None = None,
-    ) -> None:
+    def __init__(self, scenario: ScenarioLike, width_px: int | None = None, height_px: int | None = None) -> None:
         """Place the camera.
 
         Args:
@@ -289,17 +288,12 @@ def add_rings(
                 if off_ring <= reach:
                     brightness = bloom * math.exp(-off_ring / FADE_CM)
                     if off_ring <= CORE_CM:
-                        ahead = (dx * ahead_x + dy * ahead_y) / max(distance, 1e-9)
-                        brightness += _led_light(ahead) * math.exp(-0.5 * (off_ring / WIDTH_CM) ** 2)
+                        ahead = (dx * ahead_x + dy * ahead_y) / max(distance, 1e-9)  # cosine of an angle
+                        for _ in range(3):  # each round gives the cosine of twice the angle: 1 at each of eight LEDs
+                            ahead = 2.0 * ahead * ahead - 1.0
+                        leds = 1.0 - DEPTH * 0.5 * (1.0 - ahead)
+                        brightness += leds * math.exp(-0.5 * (off_ring / WIDTH_CM) ** 2)
                     image[row, column] += light * brightness
-
-
-@jit
-def _led_light(ahead: float) -> float:
-    """Return the light of a ring, 1 at each of its eight LEDs; ahead: cosine of the angle to the heading."""
-    for _ in range(3):  # each round gives the cosine of twice the angle
-        ahead = 2.0 * ahead * ahead - 1.0
-    return 1.0 - DEPTH * 0.5 * (1.0 - ahead)
 
 
 def add_points(image: Float32Array, camera: CameraModel, robots: FloatArray, light: float) -> None:
@@ -326,12 +320,9 @@ def add_points(image: Float32Array, camera: CameraModel, robots: FloatArray, lig
 def mirror_images(robots: FloatArray, arena: Arena) -> FloatArray:
     """Return (4 n, 7) the mirror images of robots in the four walls."""
     x, y, heading, *sizes = robots.T
-    return np.concatenate([
-        np.column_stack([-x, y, math.pi - heading, *sizes]),
-        np.column_stack([2 * arena.width_cm - x, y, math.pi - heading, *sizes]),
-        np.column_stack([x, -y, -heading, *sizes]),
-        np.column_stack([x, 2 * arena.height_cm - y, -heading, *sizes]),
-    ])  # fmt: skip
+    beside = [(wall - x, y, math.pi - heading) for wall in (0.0, 2 * arena.width_cm)]
+    ahead = [(x, wall - y, -heading) for wall in (0.0, 2 * arena.height_cm)]
+    return np.concatenate([np.column_stack([*poses, *sizes]) for poses in beside + ahead])
 
 
 def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Float32Array:
@@ -348,16 +339,6 @@ def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Flo
     for corners in arena.polygons:
         room[contains(corners, floor_cm)] = OBSTACLE
     return room
-
-
-def _lamps_seen(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> BoolArray:
-    """Return (rows, columns) which pixels show a lamp; the camera sees those below it, and nothing hides them."""
-    shown = np.zeros(floor_cm.shape[:2], bool)
-    for x, y, height, _ in arena.lamps[arena.lamps[:, 2] < eye_cm[2]]:
-        rise = height / eye_cm[2]
-        at_height = (1 - rise) * floor_cm + rise * eye_cm[:2]
-        shown |= np.hypot(at_height[..., 0] - x, at_height[..., 1] - y) <= arena.lamp_cm
-    return shown
 
 
 def _draw_circle(image: Float32Array, floor_cm: Float32Array, x: float, y: float, radius: float) -> None:

@@ -304,9 +304,7 @@ class RectifiedView:
         cells = min(max(round(min(camera.lens.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
         self.cells_per_cm, self.origin_cm = cells * COARSE_PER_CM, low  # middle of row 0, the lowest, and column 0
         columns, rows = (np.ceil((high - low) * COARSE_PER_CM).astype(int) + 2).tolist()  # one more all round
-        first_cm = low - (1 + 1 / cells) / (2 * COARSE_PER_CM)
-        pixels = _map_of_plane(camera, first_cm, (columns, rows))
-        coarse = np.dstack([pixels, _is_stray(camera, pixels, first_cm)]).astype(np.float32)
+        coarse = _map_of_plane(camera, low - (1 + 1 / cells) / (2 * COARSE_PER_CM), columns, rows)
         fine = np.asarray(cv2.resize(coarse, None, fx=cells, fy=cells))  # linear: lenses bend little within 5 mm
         self._fine = _fixed_point_map(fine[cells:-cells, cells:-cells])
         self._coarse = _fixed_point_map(coarse[1:-1, 1:-1])
@@ -345,23 +343,23 @@ class RectifiedView:
         return np.column_stack([self.origin_cm + cells / self.cells_per_cm, np.full(len(fits), epuck.RING_HEIGHT_CM)])
 
 
-def _map_of_plane(camera: CameraModel, first_cm: FloatArray, size: tuple[int, int]) -> FloatArray:
-    """Return (rows, columns, 2) px: where the picture shows the coarse grid whose first cell is at (2,) cm."""
+def _map_of_plane(camera: CameraModel, first_cm: FloatArray, columns: int, rows: int) -> Float32Array:
+    """Return (rows, columns, 3) where the picture shows the coarse grid whose first cell is at (2,) cm.
+
+    That is column and row, and 1 where the pixel there shows another place, as beyond the fold of a lens's distortion.
+    """
     corner = np.append(first_cm, epuck.RING_HEIGHT_CM) - camera.position_cm
     to_camera = camera.rotation @ np.column_stack([*np.eye(3)[:2] / COARSE_PER_CM, corner])
     fill = cv2.fisheye.initUndistortRectifyMap if camera.lens.is_fisheye else cv2.initUndistortRectifyMap
-    cells, coefficients = np.linalg.inv(to_camera), np.array(camera.lens.coefficients)
-    return np.dstack(fill(camera.lens.matrix, coefficients, np.eye(3), cells, size, cv2.CV_32FC1)).astype(float)
-
-
-def _is_stray(camera: CameraModel, pixels: FloatArray, first_cm: FloatArray) -> BoolArray:
-    """Return (rows, columns) whether a cell's pixel shows another place, as beyond the fold of a lens's distortion."""
-    rows, columns, _ = pixels.shape
-    if not camera.lens.is_fisheye and not any(camera.lens.coefficients):
-        return np.zeros((rows, columns), bool)
-    back = camera.back_project(pixels.reshape(-1, 2), epuck.RING_HEIGHT_CM).reshape(rows, columns, 2)
-    cells = np.dstack(np.meshgrid(np.arange(columns), np.arange(rows)))
-    return np.asarray(np.abs(back - first_cm - cells / COARSE_PER_CM).max(axis=2) > STRAY_CM)
+    grid, coefficients = np.linalg.inv(to_camera), np.array(camera.lens.coefficients)
+    shown = fill(camera.lens.matrix, coefficients, np.eye(3), grid, (columns, rows), cv2.CV_32FC1)
+    pixels = np.dstack(shown).astype(float)
+    stray = np.zeros((rows, columns), bool)
+    if camera.lens.is_fisheye or any(camera.lens.coefficients):
+        back = camera.back_project(pixels.reshape(-1, 2), epuck.RING_HEIGHT_CM).reshape(rows, columns, 2)
+        cells = np.dstack(np.meshgrid(np.arange(columns), np.arange(rows)))
+        stray = np.abs(back - first_cm - cells / COARSE_PER_CM).max(axis=2) > STRAY_CM
+    return np.dstack([pixels, stray]).astype(np.float32)
 
 
 def _fixed_point_map(cells: npt.NDArray[Any]) -> FixedPointMap:
