@@ -16,8 +16,7 @@ from .overhead.filming import film_trial
 from .overhead.render import ArenaView
 from .page.writer import write_page
 from .particles.simulation import Event, ParticleSimulation
-from .recording.notebook import show
-from .recording.reader import read_recording
+from .recording.reader import read_recording, show
 from .recording.recorder import record
 from .runs.reader import read_points
 from .scenario.embodied import EmbodiedScenario

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from epuck_sim.recording.process import NO_GRAPHICS
+from epuck_sim.recording.rerun import NO_GRAPHICS
 
 PACKAGES = {
     "there is no chromium": "chromium",

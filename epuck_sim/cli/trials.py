@@ -67,7 +67,7 @@ def open_observers(
         factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), bodies, seed, **columns))
     if (recording := watched.record) is not None:
         from epuck_sim.recording.recorder import record
-        from epuck_sim.recording.rrd_file import check_recording_target
+        from epuck_sim.recording.rerun import check_recording_target
 
         check_recording_target(trial_path(recording, 0, trials))
         factories.append(
@@ -86,12 +86,12 @@ def open_observers(
 
 @contextmanager
 def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[ObserverFactory]:
-    from epuck_sim.recording.layout import arrangement_of
+    from epuck_sim.recording.rows import population_of
     from epuck_sim.recording.series import recorded_fields
     from epuck_sim.recording.viewer import live, live_viewer, sleep
 
     level, memory = watched.level, recorded_fields(scenario, watched.level, watched.memory)
-    arrangement_of(scenario, level, memory)  # raises, before a viewer opens, if nothing can be shown
+    population_of(scenario)  # raises, before a viewer opens, if nothing can be shown
     invitation = "open this address in a browser on this machine; the trial begins by itself:\n"
     with live_viewer(watched.port, lambda address: print_stderr(invitation + address)) as (viewer, intake):
         with pressed_keys(echo=echo) as wait:

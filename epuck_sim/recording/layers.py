@@ -22,8 +22,8 @@ from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, m
 from epuck_sim.embodied.sensors.camera import half_view_rad
 from epuck_sim.embodied.start import parked
 from epuck_sim.recording import Level
+from epuck_sim.recording.rerun import static_chunk, temporal_chunk
 from epuck_sim.recording.rows import Population, RowBatch
-from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
 from epuck_sim.recording.series import KEEP_EXTREMES, WHEELS, robot_names, scalars
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import Cone, ParticleScenario, Range

@@ -1,4 +1,4 @@
-"""Reads the file of a recorded trial back into arrays."""
+"""Reads the file of a recorded trial back into arrays, and shows it in notebooks."""
 
 import json
 import warnings
@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 
@@ -18,14 +19,12 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, facts, to_html
-from epuck_sim.errors import RecordingError, ScenarioError
+from epuck_sim.errors import EpuckSimError, RecordingError, ScenarioError
 from epuck_sim.recording import Level, series
 from epuck_sim.recording.layers import CONTACTS, HEADINGS, LINKS, MOVABLES, ROBOTS, SIGHTINGS, unit_vectors
-from epuck_sim.recording.layout import layout_of
-from epuck_sim.recording.process import crashes_on
-from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
+from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL, arrangement_of, make_layout
+from epuck_sim.recording.rerun import APPLICATION, ENDING, TIMELINE, crashes_on, is_whole
 from epuck_sim.recording.rows import population_of
-from epuck_sim.recording.rrd_file import APPLICATION, ENDING, TIMELINE, is_whole
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after, arena_entries
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.particles import ParticleScenario
@@ -243,7 +242,7 @@ def read_layout(path: Path) -> rrb.Blueprint | None:
     """
     trial = Entities(path).trial
     try:
-        return layout_of(_scenario(trial), Level(trial["level"]), trial["memory"])
+        return make_layout(arrangement_of(_scenario(trial), Level(trial["level"]), trial["memory"]))
     except (ScenarioError, KeyError, ValueError):
         return None
 
@@ -262,6 +261,44 @@ def read_recording(path: Path | str) -> Recorded:
         raise RecordingError(f"{path}: holds a scenario that this version cannot read: {error}") from error
     except (KeyError, ValueError) as error:
         raise RecordingError(f"{path}: is not a complete recording: {error}") from error
+
+
+WIDTH_PX, HEIGHT_PX = 960, 600  # size of the viewer in a notebook
+
+NEEDED = 'showing needs parts of Jupyter, which are not installed: pip install "epuck-sim[notebook]"'
+
+
+def show(file: Path | str) -> Any:
+    """Show a recording, FILE.rrd, in rerun's viewer within a notebook, or a film, FILE.mp4, at the end of a cell.
+
+    The viewer is interactive, and gone when the notebook's kernel has ended; a film becomes a part of the notebook.
+
+    Raises:
+        RecordingError: The file is no recording, or one of another version.
+        EpuckSimError: There is no such file, it is of another kind, or Jupyter's parts are not installed.
+    """
+    path = Path(file)
+    if not path.is_file():
+        raise EpuckSimError(f"{path}: there is no such file")
+    if path.suffix == ".mp4":
+        try:
+            from IPython.display import Video  # noqa: PLC0415 is there in notebooks
+        except ModuleNotFoundError as error:
+            raise EpuckSimError(NEEDED) from error
+        return Video(str(path), embed=True)  # type: ignore[no-untyped-call]
+    if path.suffix != ".rrd":
+        raise EpuckSimError(f"{path}: unknown format {path.suffix!r}; allowed: .rrd, .mp4")
+    from rerun import notebook  # noqa: PLC0415 is there in notebooks, too
+
+    layout = read_layout(path)
+    if not notebook.HAS_NOTEBOOK:
+        raise EpuckSimError(NEEDED)
+    reader = RrdReader(path)
+    (recorded,) = reader.recordings()
+    stream = rr.RecordingStream(recorded.application_id, recording_id=recorded.recording_id, send_properties=False)
+    viewer = notebook.Viewer(width=WIDTH_PX, height=HEIGHT_PX, recording=stream, blueprint=layout)
+    rr.send_chunks(reader.store(), recording=stream)
+    return viewer
 
 
 SCALARS = "Scalars:scalars"  # a component

@@ -12,8 +12,8 @@ from rerun.chunk import Chunk
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.step import check_fields, reading_fields
 from epuck_sim.recording import Level
+from epuck_sim.recording.rerun import static_chunk, temporal_chunk
 from epuck_sim.recording.rows import Population, RowBatch
-from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model

@@ -24,11 +24,9 @@ from rerun.chunk import RrdReader
 
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level
-from epuck_sim.recording.layout import layout_of
-from epuck_sim.recording.process import ViewerProcess, in_background, proxy_url
 from epuck_sim.recording.reader import read_layout
-from epuck_sim.recording.recorder import Recorder
-from epuck_sim.recording.rrd_file import APPLICATION, TIMELINE
+from epuck_sim.recording.recorder import Recorder, arrangement_of, make_layout
+from epuck_sim.recording.rerun import APPLICATION, TIMELINE, ViewerProcess, in_background, proxy_url
 from epuck_sim.recording.series import recorded_fields
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario
@@ -259,7 +257,8 @@ def live(
         KeyboardInterrupt: The key that ends the trial was pressed.
     """
     memory, refresh_s = recorded_fields(scenario, level, memory), REFRESH_S * speed
-    with chunk_stream(intake, str(uuid.uuid4()), layout_of(scenario, level, memory)) as stream:
+    layout = make_layout(arrangement_of(scenario, level, memory))
+    with chunk_stream(intake, str(uuid.uuid4()), layout) as stream:
         send = partial(rr.send_chunks, recording=stream)
         recorder, pace = Recorder(scenario, seed, level, refresh_s, send, memory), Pace(speed, wait)
         look_s = math.inf if isinstance(scenario, EmbodiedScenario) else refresh_s

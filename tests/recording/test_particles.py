@@ -18,7 +18,7 @@ from epuck_sim.overhead.filming import film_trial
 from epuck_sim.particles.simulation import SHIFTS_ONLY, Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
 from epuck_sim.recording.layers import UNLABELLED
-from epuck_sim.recording.process import run_rerun
+from epuck_sim.recording.rerun import run_rerun
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import simulate
 from tests.cli.films import frames_and_description

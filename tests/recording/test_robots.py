@@ -19,10 +19,9 @@ from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.step import Step, memory_values
 from epuck_sim.recording import Level, layers, recorder
 from epuck_sim.recording.layers import UNBOUNDED_VIEW_CM, row_numbers
-from epuck_sim.recording.layout import layout_of
-from epuck_sim.recording.process import PROGRAM, run_rerun
 from epuck_sim.recording.reader import Recorded, nearest, read_recording
-from epuck_sim.recording.rrd_file import SEAL
+from epuck_sim.recording.recorder import arrangement_of, make_layout
+from epuck_sim.recording.rerun import PROGRAM, SEAL, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -449,8 +448,10 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
         "schedule.0: robots.1.parameters.speed_cm_s: 0",
     ]
     for level in Level:
-        assert {"/events", "/memory/phase_ms"} <= origins(layout_of(scenario, level, fields).root_container)
-        bare = layout_of(load_scenario("thesis"), level).root_container
+        assert {"/events", "/memory/phase_ms"} <= origins(
+            make_layout(arrangement_of(scenario, level, fields)).root_container
+        )
+        bare = make_layout(arrangement_of(load_scenario("thesis"), level)).root_container
         assert not {"/events", "/memory/phase_ms"} & origins(bare)
 
 

@@ -17,10 +17,9 @@ from rerun.chunk import Chunk, LazyChunkStream
 from epuck_sim import EpuckSimError, RecordingError, Simulation, Step, load_scenario, read_recording, record
 from epuck_sim.recording import Level, recorder
 from epuck_sim.recording import reader as entities
-from epuck_sim.recording.layout import arrangement_of, layout_file
-from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import last_moment_s, read_layout
-from epuck_sim.recording.rrd_file import _BLANK, is_whole
+from epuck_sim.recording.recorder import arrangement_of, layout_file
+from epuck_sim.recording.rerun import _BLANK, is_whole, run_rerun
 from epuck_sim.trial.model import Observer, run_trial
 from tests.processes import start, wait_until
 from tests.recording.recordings import recorded

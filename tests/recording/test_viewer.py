@@ -20,8 +20,8 @@ from scipy import ndimage
 
 from epuck_sim import RecordingError, load_scenario, read_recording
 from epuck_sim.epuck import RADIUS_CM
-from epuck_sim.recording import Level, process, viewer
-from epuck_sim.recording.process import NO_GRAPHICS, in_background, run_rerun
+from epuck_sim.recording import Level, rerun, viewer
+from epuck_sim.recording.rerun import NO_GRAPHICS, in_background, run_rerun
 from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, start, wait_until
@@ -138,7 +138,7 @@ def test_a_viewer_that_never_answers_or_ends_at_once_is_reported_with_its_last_w
     long = "".join(f"line {line}\n" for line in range(5000)) + "and here it broke"
     port, at_end = free_port(), r"(.|\n)*line 4999\nand here it broke"
     for acts, start_s, said in ((SLEEP, 0.5, "it does not answer"), (f"sys.exit({long!r})", math.inf, at_end)):
-        monkeypatch.setattr(process, "START_S", start_s)
+        monkeypatch.setattr(rerun, "START_S", start_s)
         stand.acts(acts)
         with pytest.raises(RecordingError, match=f"^the viewer does not work: {said}$") as caught, web_viewer(port):
             pytest.fail("it answered")
@@ -216,10 +216,10 @@ def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(stand: 
 WAIT = """
 import signal, sys
 from contextlib import suppress
-from epuck_sim.recording import process
-process.PROGRAM = sys.executable, sys.argv[1]
+from epuck_sim.recording import rerun
+rerun.PROGRAM = sys.executable, sys.argv[1]
 before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-with suppress(KeyboardInterrupt), process.in_background() as viewer:
+with suppress(KeyboardInterrupt), rerun.in_background() as viewer:
     print("open", flush=True)
     viewer.wait()
 assert before == (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM))
@@ -318,7 +318,7 @@ def rows_by_entity(path: Path) -> dict[str, int]:
 
 
 def test_a_viewer_that_ignores_signals_is_ended_all_the_same(stand: Stand, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(process, "END_S", 0.2)
+    monkeypatch.setattr(rerun, "END_S", 0.2)
     stand.acts(*DEAF)
     with in_background(str(tmp_path / "deaf")) as window:
         wait_until((tmp_path / "deaf").exists)

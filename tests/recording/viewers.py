@@ -18,7 +18,7 @@ from scipy import ndimage
 from scipy.spatial import ConvexHull
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.recording import process
+from epuck_sim.recording import rerun
 from tests.processes import processes_marked, wait_until
 
 # as in `layers.arena.RINGS`
@@ -104,7 +104,7 @@ class Stand(NamedTuple):
 def replace_rerun(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
     """Return a program that stands for rerun's, and ends at once unless `acts` says otherwise."""
     folder.mkdir()
-    monkeypatch.setattr(process, "PROGRAM", (sys.executable, str(folder / "rerun.py")))
+    monkeypatch.setattr(rerun, "PROGRAM", (sys.executable, str(folder / "rerun.py")))
     stand = Stand(folder / "rerun.py")
     stand.acts()
     return stand
