@@ -296,7 +296,7 @@ def compare_film(
     from epuck_sim.cli.progress import progress_bar, trials_bar
     from epuck_sim.cli.tables import print_comparison
     from epuck_sim.overhead import compare
-    from epuck_sim.overhead.calibration import parse_metadata
+    from epuck_sim.overhead.calibration import FilmMetadata
     from epuck_sim.overhead.filming import describe_film
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import track_film
@@ -320,7 +320,7 @@ def compare_film(
     one = f"{loaded.name}: has {groups} groups of robots; allowed: one, to fit it to a film"
     reject_first((fit is not None and groups > 1, one))
     simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
-    track = track_film(film, scene, None, progress_bar("tracking"), parse_metadata(describe_film(loaded, loaded.seed)))
+    track = track_film(film, scene, None, progress_bar("tracking"), FilmMetadata.of(describe_film(loaded, loaded.seed)))
     found = find_robots(track)
     floor_cm = track.geometry.floor_cm
     print_doubts((*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings))

@@ -85,13 +85,25 @@ class FilmMetadata(BaseModel):
     period_s: Positive | None = None
     overhead: dict[str, Any] | None = None
 
+    @classmethod
+    def of(cls, description: Mapping[str, Any] | None) -> Self:
+        """Return the metadata in a film's description; all None if it is missing or of an unknown form."""
+        try:
+            return cls(**(description or {}))
+        except ValidationError:
+            return cls()
 
-def parse_metadata(description: Mapping[str, Any] | None) -> FilmMetadata:
-    """Return the metadata in a film's description; all None if it is missing or of an unknown form."""
-    try:
-        return FilmMetadata(**(description or {}))
-    except ValidationError:
-        return FilmMetadata()
+    def geometry(self, size_px: tuple[int, int], options: "TrackOptions") -> Geometry | None:
+        """Return the geometry described; None without one, if options replace it, or for other picture sizes."""
+        is_told = options.corners_px or options.arena_cm or options.height_cm or options.lens
+        if self.overhead is None or self.arena_cm is None or is_told:
+            return None
+        try:
+            camera = overhead_camera(OverheadSection(**self.overhead), *self.arena_cm)
+        except (EpuckSimError, ValidationError):  # written by another version
+            return None
+        is_same = (camera.width_px, camera.height_px) == size_px
+        return Geometry(camera, self.arena_cm, DESCRIPTION, True, ring_size=math.nan) if is_same else None
 
 
 class TrackOptions(NamedTuple):
@@ -153,19 +165,6 @@ def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
         raise FilmError(f"{kept}; allowed: more, so that two or more are left, preferably several periods")
 
 
-def described_geometry(size_px: tuple[int, int], options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:
-    """Return the geometry in a film's metadata; None without one, if options replace it, or for other picture sizes."""
-    is_told = options.corners_px or options.arena_cm or options.height_cm or options.lens
-    if metadata.overhead is None or metadata.arena_cm is None or is_told:
-        return None
-    try:
-        camera = overhead_camera(OverheadSection(**metadata.overhead), *metadata.arena_cm)
-    except (EpuckSimError, ValidationError):  # written by another version
-        return None
-    is_same = (camera.width_px, camera.height_px) == size_px
-    return Geometry(camera, metadata.arena_cm, DESCRIPTION, True, ring_size=math.nan) if is_same else None
-
-
 def calibrate(
     name: str,
     size_px: tuple[int, int],
@@ -178,10 +177,8 @@ def calibrate(
 
     The place of the floor follows from the corners in the options; or else from the floor's corners, if the film begins
     in the light; without them the camera is aimed at the arena's middle. Distortion and scale follow from the rings, in
-    at most `most_frames` from the first dark frame on, or after `most_lit_s` of light.
-
-    Raises:
-        FilmError: The options make no sense, the lens does not fit the film, or it shows neither floor nor ring.
+    at most `most_frames` from the first dark frame on, or after `most_lit_s` of light. FilmError is raised if the
+    options make no sense, the lens does not fit the film, or it shows neither floor nor ring.
     """
     lens = None if options.lens is None else read_lens(options.lens, size_px)
     floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)

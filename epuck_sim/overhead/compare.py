@@ -273,12 +273,9 @@ def compare_film(
 
 
 def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Track, Robots]:
-    """Return the track and the robots of a simulated trial, as if it were filmed like another film.
+    """Return the track and the robots of a simulated trial, as if it were filmed like another film; raise as `analyse`.
 
     The tracker knows the number of robots if it knew the film's, and reads tags in all frames if it read the film's.
-
-    Raises:
-        FilmError: The film is too short, or has no flashes.
     """
     times_s, poses, is_lit = _simulate(scenario, seed, film)
     linker, unseen = FlashLinker(), np.zeros(len(times_s), np.int64)
@@ -336,9 +333,8 @@ QUANTITIES: dict[tuple[str, str], Callable[[Track, Robots], float]] = {
 def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Simulate a trial at the frame rate and for the duration of a film, whatever ends the scenario's trials.
 
-    Returns:
-        (frames,) s; (frames, robots, 3) poses in cm and rad, NaN where a robot is not in the arena; and
-        (frames, robots) whether rings are seen to be lit.
+    Return (frames,) s; (frames, robots, 3) poses in cm and rad, NaN where a robot is not in the arena; and
+    (frames, robots) whether rings are seen to be lit.
     """
     limits = {"order_parameter": None, "when": None, "further_cycles": 0, "max_cycles": 10**9}
     end_s = film.duration_s + 2 * scenario.timing.step_ms / 1000

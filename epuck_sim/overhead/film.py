@@ -325,11 +325,8 @@ def film_file(
 
     Both sides of the pictures are even, as H.264 requires. The description is stored as JSON in the `comment` of the
     film's metadata, beside the title. With `grows`, the film has its name from the beginning, and errors leave it: it
-    can be read up to about a second before the last frame, even if the process is killed.
-
-    Raises:
-        FilmError: The name does not end in .mp4, a side is odd, or the film has no frame or cannot be written.
-        EpuckSimError: The file cannot be written.
+    can be read up to about a second before the last frame, even if the process is killed. FilmError is raised if the
+    name does not end in .mp4, a side is odd, or there is no frame, and EpuckSimError if the file cannot be written.
     """
     if path.suffix != SUFFIX:
         raise FilmError(f"{path}: is not a film's name; allowed: names that end in {SUFFIX}")

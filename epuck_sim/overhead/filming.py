@@ -107,8 +107,7 @@ def film_recording(
 ) -> None:
     """Film a recorded trial with the overhead camera of its scenario, changed as by `--set`, through a lens in a file.
 
-    Raises:
-        EpuckSimError: The recording cannot be filmed, an override is no camera key, or the film cannot be written.
+    EpuckSimError is raised if it cannot be filmed, an override is no camera key, or the film cannot be written.
     """
     recorded = read_recording(recording)
     recorded_scenario = _require_rings(recorded.scenario, str(recording))

@@ -57,6 +57,16 @@ class FlashTable(NamedTuple):
         """(flashes,) speeds while lit."""
         return np.asarray(np.hypot(*self.velocities_cm_s.T))
 
+    def frames(self, times_s: FloatArray) -> IntArray:
+        """Return (flashes, 2) the first of (frames,) that shows each, and the frame after the last that does."""
+        first, end = np.searchsorted(times_s, self.onset_s), np.searchsorted(times_s, self.end_s)
+        return np.column_stack([first, end + (self.end_s == times_s[-1])])  # the film's last frame shows it
+
+    def count_lit(self, times_s: FloatArray) -> IntArray:
+        """Return (n,) the number of flashes that are lit at each of (n,) ascending times."""
+        begun, ended = (np.bincount(each, minlength=len(times_s) + 1) for each in self.frames(times_s).T)
+        return np.cumsum(begun - ended)[:-1]
+
 
 class _Lit:
     def __init__(self, time_s: float, ring: Ring) -> None:
@@ -135,22 +145,6 @@ def join_broken(flashes: Sequence[Flash], flash_s: float) -> tuple[Flash, ...]:
         else:
             joined.append(flash)
     return tuple(joined)
-
-
-def frames_lit(onset_s: FloatArray, end_s: FloatArray, times_s: FloatArray) -> IntArray:
-    """Return (flashes, 2) indices of the first of (frames,) that shows each flash, and of the frame after the last.
-
-    A flash that ends at the last frame is shown by it.
-    """
-    first, end = np.searchsorted(times_s, onset_s), np.searchsorted(times_s, end_s)
-    return np.column_stack([first, end + (end_s == times_s[-1])])
-
-
-def count_lit(flashes: Sequence[Flash], times_s: FloatArray) -> IntArray:
-    """Return (n,) the number of flashes that are lit at each of (n,) ascending times."""
-    frames = frames_lit(*FlashTable.of(flashes)[:2], times_s)
-    begun, ended = (np.bincount(each, minlength=len(times_s) + 1) for each in frames.T)
-    return np.cumsum(begun - ended)[:-1]
 
 
 def count_places(places_cm: Iterable[tuple[float, float]]) -> int:

@@ -42,10 +42,8 @@ MIN_FOUND = 0.4  # share of the places along a side at which its edge must be on
 def check_corners(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> FloatArray:
     """Return the floor's corners, (4, 2) px, counter-clockwise as seen, from the lower left one on.
 
-    `corners_px` are (4, 2) columns and rows, in any order.
-
-    Raises:
-        FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
+    `corners_px` are (4, 2) columns and rows, in any order. FilmError is raised if they are no convex quadrilateral,
+    too close together, or far outside of the picture.
     """
     given = "--corners " + ",".join(f"{number:g}" for number in np.ravel(corners_px))
     corners, size = np.asarray(corners_px, float), np.array([width_px, height_px])

@@ -61,11 +61,8 @@ def track_camera(
 
     Files have their names from the beginning, and can be read up to about a second before the last frame, also if the
     process is killed. A camera that drops out is opened again; if it does not come back, that ends the film. `tell` is
-    called at once with what happens to the camera, and with why synchrony is not yet believed.
-
-    Raises:
-        FilmError: There is no such camera, or it saw no light.
-        EpuckSimError: A file cannot be written.
+    called at once with what happens to the camera, and with why synchrony is not yet believed. FilmError is raised if
+    there is no such camera, or it saw no light, and EpuckSimError if a file cannot be written.
     """
     period_s = options.period_s
     assert period_s is not None, "it cannot be estimated while the camera films"
@@ -192,10 +189,7 @@ class LiveCamera:
         """Return the frames as they arrive, with their times of arrival; the first is at 0.
 
         A later call continues with the next frame. A camera that drops out, or delivers pictures of another size, is
-        opened again; its frames are missing until then.
-
-        Raises:
-            UnpluggedError: The camera has delivered no more such pictures for `PATIENCE_S`.
+        opened again; its frames are missing until then. UnpluggedError is raised after `PATIENCE_S`.
         """
         return self._frames
 

@@ -386,10 +386,8 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
 
     If the centre is off by (dx, dy), the inner edge of the light is at r(theta) = R + dx cos(theta) + dy sin(theta),
     plus two terms of twice the angle. They are fitted by least squares over `BINS` directions, again and again from the
-    new centre. The inner edge is used, because other rings that touch the ring shine outside of it.
-
-    Returns:
-        The circle; None if half of the ring is missing, or if its median level is not `least` above its inside.
+    new centre. The inner edge is used, because other rings that touch the ring shine outside of it. The result is None
+    if half of the ring is missing, or if its median level is not `least` above its inside.
     """
     radius = epuck.RING_RADIUS_CM
     for _ in range(MAX_ROUNDS):
@@ -463,8 +461,7 @@ def _edge(profile: Light, level: float) -> tuple[FloatArray, BoolArray]:
 def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Fit a circle, and then a flattened one, to the (BINS,) distances of the edge in the directions that have one.
 
-    Returns:
-        (5,) cm: radius, centre, and amplitudes along twice the angle; (BINS,) cm: distance of the edge, or NaN.
+    Return (5,) cm: radius, centre, and amplitudes along twice the angle; (BINS,) cm: distance of the edge, or NaN.
     """
     near = has
     for terms, from_all in ((_ROUND, _ROUND_FROM_ALL), (_DESIGN, _DESIGN_FROM_ALL)):

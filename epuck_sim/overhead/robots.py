@@ -13,7 +13,7 @@ from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.flashes import FlashTable, frames_lit
+from epuck_sim.overhead.flashes import FlashTable
 from epuck_sim.overhead.identities import LONGEST, Identities, commonest_speed, link_flashes
 from epuck_sim.overhead.synchrony import ORDER_PARAMETER, is_filmed, order_over_time
 from epuck_sim.overhead.tags import Readings
@@ -271,7 +271,7 @@ def _while_lit(robots: Robots, times_s: FloatArray) -> tuple[FloatArray, BoolArr
     places = np.full((len(times_s), len(robots.numbers), 2), np.nan)
     is_lit = np.zeros(places.shape[:2], bool)
     flashes = robots.flashes
-    spans = frames_lit(flashes.onset_s, flashes.end_s, times_s)
+    spans = flashes.frames(times_s)
     for index, number in enumerate(robots.identities.robot):
         if number < 0:
             continue

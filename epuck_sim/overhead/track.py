@@ -15,26 +15,10 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import synchrony
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
-from epuck_sim.overhead.calibration import (
-    FilmMetadata,
-    TrackOptions,
-    calibrate,
-    described_geometry,
-    excerpt,
-    parse_metadata,
-)
+from epuck_sim.overhead.calibration import FilmMetadata, TrackOptions, calibrate, excerpt
 from epuck_sim.overhead.camera import Frame, Geometry, ProgressWrapper
 from epuck_sim.overhead.film import film_file, open_film
-from epuck_sim.overhead.flashes import (
-    REACH_CM,
-    CountedRings,
-    Flash,
-    FlashTable,
-    RingCounter,
-    count_lit,
-    count_places,
-    join_broken,
-)
+from epuck_sim.overhead.flashes import REACH_CM, CountedRings, Flash, FlashTable, RingCounter, count_places, join_broken
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
@@ -113,14 +97,11 @@ def track_film(
     """Track a film, given as a path or an address; if `rings` is given, write a CSV table of all rings in all frames.
 
     What neither the options nor the film's description tell is as in a simulated trial, if its description is given.
-
-    Raises:
-        FilmError: The film cannot be read, or shows no swarm.
-        EpuckSimError: The table cannot be written.
+    FilmError is raised if the film cannot be read, or shows no swarm, and EpuckSimError if the table cannot be written.
     """
     with open_film(name) as film, ExitStack() as files:
-        size_px, metadata = (film.width_px, film.height_px), parse_metadata(film.description)
-        geometry = described_geometry(size_px, options, metadata)
+        size_px, metadata = (film.width_px, film.height_px), FilmMetadata.of(film.description)
+        geometry = metadata.geometry(size_px, options)
         doubts = options.contradictions(metadata)
         if film.is_pictures and options.fps is None:
             doubts.append(f"numbered pictures have no times: {film.rate:g} frames per second are assumed; give --fps")
@@ -168,8 +149,7 @@ def track_frames(
 def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) -> TrackedFrame:
     """Write a tracked film again, if a path is given, with rings and histogram drawn; raise as `film_file`.
 
-    Returns:
-        The first frame in which most rings are lit, since T_sync if there is one, without rings that stay lit.
+    Return the first frame in which most rings are lit, since T_sync if there is one, without rings that stay lit.
     """
     camera = track.geometry.camera
     annotator = Annotator(camera.width_px, camera.height_px, track.period_s)
@@ -217,8 +197,7 @@ def ring_writer(file: TextIO | None) -> Callable[[Frame, Sequence[Ring]], None]:
 def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: tuple[str, ...]) -> Track:
     """Analyse the counts of a whole film, given its name, the options, and the warnings so far.
 
-    Raises:
-        FilmError: There is no light in the film, its trial is a single frame, or its period is neither given nor clear.
+    FilmError is raised if it has no light, its trial is a single frame, or its period is neither given nor clear.
     """
     start_s, times_s, geometry = counted.start_s, counted.times_s, counted.geometry
     if not counted.counts.any():
@@ -313,7 +292,7 @@ def without_steady(
     steady, others = (tuple(compress(flashes, chosen)) for chosen in (is_steady, ~is_steady))
     if not others:
         return flashes, (), counts
-    return others, steady, np.maximum(counts - count_lit(steady, times_s), 0)
+    return others, steady, np.maximum(counts - FlashTable.of(steady).count_lit(times_s), 0)
 
 
 def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:

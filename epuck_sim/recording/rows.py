@@ -52,7 +52,27 @@ class Population(NamedTuple):
 def population_of(scenario: Scenario) -> Population:
     """Return a scenario's population; raise RecordingError if its model, or its period, cannot be recorded."""
     if isinstance(scenario, ParticleScenario):
-        return _agents(scenario)
+        count, side_cm, period_s = scenario.agents.count, scenario.space.side_cm, scenario.clocks.period_s
+        if period_s < SHORTEST_S:
+            raise RecordingError(
+                f"{scenario.name}: clocks.period_s is {period_s:g}, which is too short for a recording, whose times "
+                f"are whole nanoseconds; allowed: {SHORTEST_S:g} or longer"
+            )
+        height_cm = side_cm if scenario.space.dimensions > 1 else 0.0
+        return Population(
+            noun="agent",
+            moment="moment",
+            size=count,
+            radii_cm=np.full(count, side_cm / SIDE_IN_RADII),
+            arena=make_arena(side_cm, height_cm, (), ()),
+            largest_cm=(side_cm, height_cm),
+            period_ms=np.full(count, 1000 * period_s),
+            reference=scenario.stop.reference,
+            rows_per_s=ROWS_PER_PERIOD / period_s,
+            path_s=PATH_CYCLES * period_s,
+            is_cyclic=scenario.space.boundary == "cyclic",
+            is_cube=scenario.space.dimensions == 3,
+        )
     if not isinstance(scenario, EmbodiedScenario):
         allowed = "allowed: embodied, particles"
         raise RecordingError(f"{scenario.name}: model: {scenario.model} cannot be recorded; {allowed}")
@@ -69,30 +89,6 @@ def population_of(scenario: Scenario) -> Population:
         rows_per_s=scenario.timing.control_hz,
         path_s=PATH_S,
         arena_changes=bool(arena_entries(scenario)),
-    )
-
-
-def _agents(scenario: ParticleScenario) -> Population:
-    count, side_cm, period_s = scenario.agents.count, scenario.space.side_cm, scenario.clocks.period_s
-    if period_s < SHORTEST_S:
-        raise RecordingError(
-            f"{scenario.name}: clocks.period_s is {period_s:g}, which is too short for a recording, whose times are "
-            f"whole nanoseconds; allowed: {SHORTEST_S:g} or longer"
-        )
-    height_cm = side_cm if scenario.space.dimensions > 1 else 0.0
-    return Population(
-        noun="agent",
-        moment="moment",
-        size=count,
-        radii_cm=np.full(count, side_cm / SIDE_IN_RADII),
-        arena=make_arena(side_cm, height_cm, (), ()),
-        largest_cm=(side_cm, height_cm),
-        period_ms=np.full(count, 1000 * period_s),
-        reference=scenario.stop.reference,
-        rows_per_s=ROWS_PER_PERIOD / period_s,
-        path_s=PATH_CYCLES * period_s,
-        is_cyclic=scenario.space.boundary == "cyclic",
-        is_cube=scenario.space.dimensions == 3,
     )
 
 

@@ -110,9 +110,7 @@ def chunk_stream(intake: int, recording_id: str, layout: rrb.Blueprint | None) -
 def draw_screenshot(path: Path, at_s: float, picture: Path) -> None:
     """Draw what the viewer shows of a recording at a moment of simulated time into a PNG file; this needs no display.
 
-    Raises:
-        RecordingError: There is no graphics driver (a software one such as Mesa's will do), or the viewer fails.
-        EpuckSimError: The picture cannot be written.
+    RecordingError is raised without a graphics driver (a software one such as Mesa's will do), or if the viewer fails.
     """
     from rerun.experimental import ViewerClient  # noqa: PLC0415 changes to this unstable module must break nothing else
 
@@ -120,23 +118,18 @@ def draw_screenshot(path: Path, at_s: float, picture: Path) -> None:
     hidden = ("--headless", "--window-size", "1600x900", "--hide-welcome-screen", "--port", str(port))
     with atomic_write(picture) as part, in_background(*hidden) as canvas:
         canvas.wait_for(port)
-        until = time.monotonic() + PAINT_S
+        began = time.monotonic()
         while not part.exists():
             try:
-                part.write_bytes(_paint(ViewerClient.connect(proxy_url(port)), path, at_s))
+                client, until = ViewerClient.connect(proxy_url(port)), time.monotonic() + PAINT_S
+                while client.open(str(path.resolve())).loading and time.monotonic() < until:
+                    time.sleep(0.5)
+                client.set_time(TIMELINE, duration=at_s, play_state="paused")
+                part.write_bytes(_settled(client.take_screenshot))
             except (RuntimeError, ConnectionError, TimeoutError) as error:
-                if canvas.has_ended or time.monotonic() > until:
+                if canvas.has_ended or time.monotonic() > began + PAINT_S:
                     raise canvas.error() from error
                 time.sleep(0.5)  # a busy machine may keep it from answering in the client's 15 s
-
-
-def _paint(client: Any, path: Path, at_s: float) -> bytes:
-    """Return a viewer's picture of a recording at a moment, as PNG."""
-    until = time.monotonic() + PAINT_S
-    while client.open(str(path.resolve())).loading and time.monotonic() < until:
-        time.sleep(0.5)
-    client.set_time(TIMELINE, duration=at_s, play_state="paused")
-    return _settled(client.take_screenshot)
 
 
 def _settled(take: Callable[[], bytes]) -> bytes:
@@ -144,20 +137,16 @@ def _settled(take: Callable[[], bytes]) -> bytes:
 
     Messages stay for a number of painted frames, not of seconds, so that a busy machine shows them for longer.
     """
-    began = time.monotonic()
-    before, now = b"", take()
-    while time.monotonic() < began + PAINT_S and (
-        time.monotonic() < began + MESSAGES_S or now != before or _shows_message(now)
-    ):
+    began, before = time.monotonic(), b""
+    while True:
+        now = take()
+        corner = np.asarray(Image.open(BytesIO(now)).convert("RGB"))[MESSAGE_ROWS, MESSAGE_COLUMNS]
+        shows_message = (corner == MESSAGE_GREY).all(axis=-1).mean() > 0.5
+        waited_s = time.monotonic() - began
+        if waited_s >= PAINT_S or (waited_s >= MESSAGES_S and now == before and not shows_message):
+            return now
+        before = now
         time.sleep(0.5)
-        before, now = now, take()
-    return now
-
-
-def _shows_message(png: bytes) -> bool:
-    picture = np.asarray(Image.open(BytesIO(png)).convert("RGB"))
-    corner = picture[MESSAGE_ROWS, MESSAGE_COLUMNS]
-    return bool((corner == MESSAGE_GREY).all(axis=-1).mean() > 0.5)
 
 
 # --- a trial while it runs ------------------------------------------------------------------------------
@@ -251,10 +240,7 @@ def live(
     """Yield an observer that shows a trial in a viewer, and makes it last its simulated time, divided by `speed`.
 
     `intake` is the port at which the viewer receives chunks, `memory` has fields of the controllers' MEMORY to show.
-
-    Raises:
-        RecordingError: The viewer was closed before the trial ended.
-        KeyboardInterrupt: The key that ends the trial was pressed.
+    RecordingError is raised if the viewer was closed before the trial ended, KeyboardInterrupt if `END` was pressed.
     """
     memory, refresh_s = recorded_fields(scenario, level, memory), REFRESH_S * speed
     layout = make_layout(arrangement_of(scenario, level, memory))

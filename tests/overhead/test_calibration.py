@@ -18,13 +18,12 @@ from epuck_sim.overhead.calibration import (
     CORNERS,
     LIT_FRAMES,
     RINGS,
+    FilmMetadata,
     SeenRings,
     TrackOptions,
     calibrate,
-    described_geometry,
     expected_rings,
     fit_camera,
-    parse_metadata,
 )
 from epuck_sim.overhead.camera import (
     MIN_VIEWS,
@@ -70,10 +69,10 @@ USER = TrackOptions((60, 50), 100.0, ((0, 0),) * 4, 2.0, 3, 99.0, 0.9)
 
 
 def test_options_override_the_description() -> None:
-    told = parse_metadata({"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7})
+    told = FilmMetadata.of({"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7})
     assert TOLD.with_defaults(told) == TOLD._replace(arena_cm=(90, 80), period_s=4.0, robots=7)
     for empty in (None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}):
-        assert TOLD.with_defaults(parse_metadata(empty)) == TOLD
+        assert TOLD.with_defaults(FilmMetadata.of(empty)) == TOLD
     assert USER.with_defaults(told) == USER
     assert TOLD.with_defaults(told).contradictions(told) == TOLD.contradictions(told) == []
     assert USER.contradictions(told) == [
@@ -83,8 +82,8 @@ def test_options_override_the_description() -> None:
 
 
 def test_described_geometry_is_that_of_the_scenario_and_not_believed_where_something_contradicts_it() -> None:
-    told = parse_metadata(described(height_cm=80.0, distortion=-0.1))
-    found = described_geometry((SIDE, SIDE), TrackOptions(period_s=1.0, robots=3), told)
+    told = FilmMetadata.of(described(height_cm=80.0, distortion=-0.1))
+    found = told.geometry((SIDE, SIDE), TrackOptions(period_s=1.0, robots=3))
     assert found is not None
     assert (found.floor_cm, found.knows_floor) == ((60.0, 60.0), True)
     expected = make_camera(height_cm=80.0, distortion=-0.1)
@@ -92,11 +91,11 @@ def test_described_geometry_is_that_of_the_scenario_and_not_believed_where_somet
     assert (found.camera.rotation == expected.rotation).all()
     assert (found.camera.position_cm == expected.position_cm).all()
     for options in ({"corners_px": USER.corners_px}, {"arena_cm": (60, 60)}, {"height_cm": 110.0}):
-        assert described_geometry((240, 240), TrackOptions(**options), parse_metadata(described())) is None
-    assert described_geometry((240, 180), TOLD, parse_metadata(described())) is None
+        assert FilmMetadata.of(described()).geometry((240, 240), TrackOptions(**options)) is None
+    assert FilmMetadata.of(described()).geometry((240, 180), TOLD) is None
     for change in ({"arena_cm": 60}, {"arena_cm": [60] * 3}, {"overhead": None}, {"overhead": {"width_px": "many"}}):
-        assert described_geometry((240, 240), TOLD, parse_metadata(described() | change)) is None
-    assert described_geometry((240, 240), TOLD, parse_metadata(None)) is None
+        assert FilmMetadata.of(described() | change).geometry((240, 240), TOLD) is None
+    assert FilmMetadata.of(None).geometry((240, 240), TOLD) is None
 
 
 def test_corners_that_are_given_need_no_ring_and_a_camera_that_sees_the_floor_from_aside_is_refused() -> None:

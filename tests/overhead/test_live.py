@@ -20,7 +20,7 @@ import pytest
 
 from epuck_sim.errors import FilmError, PortError
 from epuck_sim.overhead import live
-from epuck_sim.overhead.calibration import RINGS, TrackOptions, parse_metadata
+from epuck_sim.overhead.calibration import RINGS, FilmMetadata, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.live import LiveCamera, LivePage, UnpluggedError, Watching, track_camera
 from epuck_sim.overhead.track import Track
@@ -189,7 +189,7 @@ def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
     assert track.times_s[-1] == pytest.approx(3.05, abs=0.04)
     assert len(read_rings(table)) == track.counts.sum()
     assert tuple(len(frames_and_description(each)[0]) for each in (seen, record)) == (track.frames, camera.given)
-    told = parse_metadata(frames_and_description(record)[1])
+    told = FilmMetadata.of(frames_and_description(record)[1])
     assert (told.period_s, told.robots, told.arena_cm) == (1.0, 6, None)
 
 

@@ -18,7 +18,7 @@ from epuck_sim.overhead import flashes, verdict
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import CORNERS, Frame, Light
 from epuck_sim.overhead.compare import track_trial
-from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, LightMeter, RingCounter, count_lit
+from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, LightMeter, RingCounter
 from epuck_sim.overhead.rings import DISC_LIGHT, Ring, is_lit
 from epuck_sim.overhead.synchrony import evaluate, is_synchronised, spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
@@ -144,10 +144,10 @@ def test_a_lamp_that_flickers_is_no_robot() -> None:
     robots = [Flash(k + 0.5, k + 0.6, 10.0 + 8 * n + 0.7 * k, 20.0, 50.0) for k in range(8) for n in range(4)]
     lamp = [Flash(0.3 * k, 0.3 * k + 0.1, 50.0, 50.0, 90.0) for k in range(26)]
     times_s = np.arange(240) / RATE
-    counts = count_lit(sorted(robots + lamp), times_s)
+    counts = FlashTable.of(sorted(robots + lamp)).count_lit(times_s)
     others, left_out, without = without_steady(tuple(sorted(robots + lamp)), times_s, counts, 1.0)
     assert (sorted(others), sorted(left_out)) == (sorted(robots), lamp)
-    assert without.tolist() == count_lit(sorted(robots), times_s).tolist()
+    assert without.tolist() == FlashTable.of(sorted(robots)).count_lit(times_s).tolist()
     still = tuple(Flash(k + 0.5, k + 0.6, 10.0 + 8 * n, 20.0, 50.0) for k in range(8) for n in range(4))
     for kept in (tuple(robots), (*still, Flash(0.2, 0.3, 55.0, 55.0, 50.0))):
         assert without_steady(kept, times_s, counts, 1.0)[1] == ()
@@ -416,10 +416,10 @@ def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one_and_until_th
     one, other = linked([10.0], [10.5, 30.0], [30.4], [11.0, 30.8], [], [], [], [])
     assert (one.onset_s, one.end_s, other.onset_s, other.end_s) == (0, 4, 1, 4)
     assert (one.x_cm, other.x_cm) == (pytest.approx(10.5), pytest.approx(30.4))
-    assert count_lit((one, other), np.arange(8.0)).tolist() == [1, 2, 2, 2, 0, 0, 0, 0]
+    assert FlashTable.of((one, other)).count_lit(np.arange(8.0)).tolist() == [1, 2, 2, 2, 0, 0, 0, 0]
     (last,) = linked([], [10.0], [10.0], [10.0])
     assert (last.onset_s, last.end_s) == (1, 3)
-    assert count_lit((last,), np.arange(4.0)).tolist() == [0, 1, 1, 1]
+    assert FlashTable.of((last,)).count_lit(np.arange(4.0)).tolist() == [0, 1, 1, 1]
     slow = linked([10.0], [14.2], [18.4], [24.5], per_s=3.0)  # a robot is as fast in it, and touches none
     assert [(each.onset_s, each.end_s) for each in slow] == [(0, 1), (1, 1)]
     one, rest, other = (Flash(*each, 20.0, 9.0) for each in ((0, 1, 10), (1.5, 2, 11), (1.6, 2, 30)))
