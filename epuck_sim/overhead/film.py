@@ -289,11 +289,11 @@ class FilmWriter:
     def __init__(self, container: OutputContainer, size_px: tuple[int, int]) -> None:
         self._last_tick = -1
         self._keyframe_s = -math.inf
-        self._container, self._stream = container, container.add_stream("libx264", options=ENCODER_OPTIONS)
-        self._stream.width, self._stream.height = size_px
-        self._stream.pix_fmt = "yuv420p"
-        codec = self._stream.codec_context
-        self._stream.time_base = codec.time_base = Fraction(1, TICKS_PER_S)
+        self._container, self.stream = container, container.add_stream("libx264", options=ENCODER_OPTIONS)
+        self.stream.width, self.stream.height = size_px
+        self.stream.pix_fmt = "yuv420p"
+        codec = self.stream.codec_context
+        self.stream.time_base = codec.time_base = Fraction(1, TICKS_PER_S)
         codec.thread_count = 1  # so that the same frames give the same file
         # the conversion to luma and chroma, stated because players would assume BT.709 for large pictures
         codec.colorspace, codec.color_range = Colorspace.ITU601, ColorRange.MPEG
@@ -307,14 +307,9 @@ class FilmWriter:
         if frame.time_s - self._keyframe_s >= KEYFRAME_INTERVAL_S:
             picture.pict_type = PictureType.I
             self._keyframe_s = frame.time_s
-        self.has_frames = False  # until the frame is encoded: if that fails, FFmpeg would crash in `finish`
-        self._container.mux(self._stream.encode(picture))
+        self.has_frames = False  # until the frame is encoded: if that fails, FFmpeg would crash at the end
+        self._container.mux(self.stream.encode(picture))
         self.has_frames = True
-
-    def finish(self) -> None:
-        """Write pending frames."""
-        if self.has_frames:  # or FFmpeg would crash
-            self._container.mux(self._stream.encode())
 
 
 @contextmanager
@@ -341,7 +336,8 @@ def film_file(
                 try:
                     yield writer
                 finally:
-                    writer.finish()
+                    if writer.has_frames:  # or FFmpeg would crash
+                        container.mux(writer.stream.encode())
         except FFmpegError as error:
             raise FilmError(f"{path}: cannot be written: {error.strerror}") from error
         if not grows and not writer.has_frames:

@@ -77,8 +77,14 @@ def link_flashes(flashes: FlashTable, period_s: float, floor_cm: tuple[float, fl
         if not is_linked.any():
             break
         habits = habits.relearnt(Ways(*(column[is_linked] for column in ways)))
+    robot, cycle = np.full(len(links), -1), np.ones(len(links), np.int64)
+    for first, second in enumerate(links):
+        if robot[first] < 0:
+            robot[first] = robot.max() + 1
+        if second >= 0:
+            robot[second], cycle[second] = robot[first], cycle[first] + 1
     certainty = _certainties(links, (source, target, costs), onset_s, period_s)
-    return Identities(*_number(links), certainty, habits.speed_cm_s)
+    return Identities(robot, cycle, certainty, habits.speed_cm_s)
 
 
 Costs = tuple[IntArray, IntArray, FloatArray]
@@ -138,17 +144,6 @@ def _certainties(links: IntArray, costs: Costs, onset_s: FloatArray, period_s: f
         margin = max(float(table[_assign(table)].sum() - best), 0.0)
         certainty[links[source]] = 1 / (1 + math.exp(-margin))
     return certainty
-
-
-def _number(links: IntArray) -> tuple[IntArray, IntArray]:
-    """Return (flashes,) numbers of robots, in order of their first flashes, and of flashes within a robot, from 1."""
-    robot, cycle = np.full(len(links), -1), np.ones(len(links), np.int64)
-    for source, target in enumerate(links):
-        if robot[source] < 0:
-            robot[source] = robot.max() + 1
-        if target >= 0:
-            robot[target], cycle[target] = robot[source], cycle[source] + 1
-    return robot, cycle
 
 
 class Ways(NamedTuple):

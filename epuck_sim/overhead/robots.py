@@ -78,7 +78,10 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
         warnings.append(f"tags that are never read: {', '.join(map(str, unread))}")
     own = [readings.of(readings.number == number) for number in numbers]
     poses = np.stack([_poses_at(track.times_s, each) for each in own], axis=1)
-    robot = _whose(flashes, numbers, poses, track.times_s)
+    middle = np.searchsorted(track.times_s, (flashes.onset_s + flashes.end_s) / 2)
+    at_cm = poses[np.clip(middle, 0, len(track.times_s) - 1), :, :2]
+    away_cm = np.nan_to_num(np.linalg.norm(at_cm - flashes.places_cm[:, None], axis=2), nan=np.inf)
+    robot = np.where(away_cm.min(axis=1) <= NEAR_CM, numbers[away_cm.argmin(axis=1)], -1)
     is_whole = (flashes.onset_s > track.times_s[0]) & (flashes.end_s < track.times_s[-1])  # if cut, it may be one frame
     if unknown := np.count_nonzero((robot < 0) & is_whole):
         warnings.append(
@@ -130,15 +133,6 @@ def _poses_at(times_s: FloatArray, own: Readings) -> FloatArray:
     padded_s = np.concatenate([own.time_s[:1], own.time_s, own.time_s[-1:]])
     poses[padded_s[after + 1] - padded_s[before] > MAX_GAP_S] = np.nan
     return poses
-
-
-def _whose(flashes: FlashTable, numbers: IntArray, poses: FloatArray, times_s: FloatArray) -> IntArray:
-    """Return (flashes,) the number of the tag nearest to each flash, -1 where none is near."""
-    middle = np.searchsorted(times_s, (flashes.onset_s + flashes.end_s) / 2)
-    at = poses[np.clip(middle, 0, len(times_s) - 1), :, :2]
-    distances = np.linalg.norm(at - flashes.places_cm[:, None], axis=2)
-    distances = np.where(np.isnan(distances), np.inf, distances)
-    return np.asarray(np.where(distances.min(axis=1) <= NEAR_CM, numbers[distances.argmin(axis=1)], -1))
 
 
 def phase_shares(

@@ -221,7 +221,19 @@ def estimate_period_s(times_s: FloatArray, counts: IntArray) -> float | None:
         return None
     onsets = _changes(times_s, counts, 1)
     lags_s = _common_lags_s(onsets, onsets, (PERIOD_RANGE[0] * near_s, PERIOD_RANGE[1] * near_s), frame_s)
-    return _refine_period_s(onsets, float(lags_s[-1]), frame_s, times_s[-1] - times_s[0]) if len(lags_s) else None
+    if not len(lags_s):
+        return None
+    period_s, single = float(lags_s[-1]), 0.0
+    for cycles in range(1, MAX_CYCLES + 1):  # as long as lags over several cycles are about as common as single ones
+        expected_s = cycles * period_s
+        pairs = _lags(onsets, onsets, (expected_s - 4 * frame_s, expected_s + 4 * frame_s))
+        lag_s, weight = mean_shift(*pairs, expected_s, frame_s)
+        share = weight / max(times_s[-1] - times_s[0] - lag_s, frame_s)
+        single = single or share
+        if share < AS_COMMON * single:
+            break
+        period_s = lag_s / cycles
+    return period_s
 
 
 def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
@@ -241,8 +253,16 @@ def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
 
 def _correlated_lag_s(times_s: FloatArray, counts: IntArray, frame_s: float) -> float | None:
     """Return the lag of the highest autocorrelation, to about a frame; None if no lag stands out."""
-    smooth = np.convolve(_on_grid(times_s, counts, frame_s), _gaussian(np.arange(-3.0, 4.0)), "same")
-    correlation = _autocorrelation(smooth)
+    ends_s = frame_ends(times_s, times_s[-1] + frame_s)
+    corners_s = np.column_stack([times_s, ends_s]).ravel()
+    lit_s = np.append(0.0, np.repeat(np.cumsum((ends_s - times_s) * counts), 2)[:-1])
+    edges_s = np.arange(times_s[0], times_s[-1] + 1.5 * frame_s, frame_s)
+    means = np.diff(np.interp(edges_s, corners_s, lit_s)) / frame_s  # counts, over intervals of the length of a frame
+    smooth = np.convolve(means, _gaussian(np.arange(-3.0, 4.0)), "same")
+    smooth -= smooth.mean()
+    padded = 1 << (2 * len(smooth)).bit_length()  # scipy.signal.correlate would do; loading it takes a second
+    products = np.fft.irfft(np.abs(np.fft.rfft(smooth, padded)) ** 2, padded)[: len(smooth)]
+    correlation = products / products[0] if products[0] > 1e-9 else np.zeros(len(smooth))
     shown = correlation[: int(len(correlation) / MIN_PERIODS) + 2]
     peaks = _local_maxima(shown)
     peaks = peaks[peaks > np.argmax(shown <= 0)]  # at shorter lags, a flash is compared with itself
@@ -258,43 +278,11 @@ def _correlated_lag_s(times_s: FloatArray, counts: IntArray, frame_s: float) -> 
     return float(lag * frame_s) if is_clear else None
 
 
-def _on_grid(times_s: FloatArray, counts: IntArray, frame_s: float) -> FloatArray:
-    """Return (m,) mean counts over consecutive intervals of the length of a frame."""
-    ends_s = frame_ends(times_s, times_s[-1] + frame_s)
-    corners_s = np.column_stack([times_s, ends_s]).ravel()
-    lit_s = np.append(0.0, np.repeat(np.cumsum((ends_s - times_s) * counts), 2)[:-1])
-    edges_s = np.arange(times_s[0], times_s[-1] + 1.5 * frame_s, frame_s)
-    return np.asarray(np.diff(np.interp(edges_s, corners_s, lit_s)) / frame_s)
-
-
-def _autocorrelation(values: FloatArray) -> FloatArray:
-    """Return the (m,) autocorrelation of (m,) values at lags 0 to m - 1: 1 at lag 0, or all 0 for constant values."""
-    values = values - values.mean()  # scipy.signal.correlate would replace one line; loading it takes a second
-    padded = 1 << (2 * len(values)).bit_length()
-    products: FloatArray = np.fft.irfft(np.abs(np.fft.rfft(values, padded)) ** 2, padded)[: len(values)]
-    return products / products[0] if products[0] > 1e-9 else np.zeros(len(values))
-
-
 def _changes(times_s: FloatArray, counts: IntArray, sign: int) -> Events:
     """Return when counts rise (sign 1) or fall (-1), midway between two frames, and by how much."""
     sizes = sign * np.diff(counts)
     changes = np.flatnonzero(sizes > 0)
     return (times_s[changes] + times_s[changes + 1]) / 2, sizes[changes].astype(float)
-
-
-def _refine_period_s(onsets: Events, period_s: float, frame_s: float, film_s: float) -> float:
-    """Return the period refined by lags over several cycles, as long as these are about as common as single ones."""
-    single = 0.0
-    for cycles in range(1, MAX_CYCLES + 1):
-        expected_s = cycles * period_s
-        pairs = _lags(onsets, onsets, (expected_s - 4 * frame_s, expected_s + 4 * frame_s))
-        lag_s, weight = mean_shift(*pairs, expected_s, frame_s)
-        share = weight / max(film_s - lag_s, frame_s)
-        single = single or share
-        if share < AS_COMMON * single:
-            break
-        period_s = lag_s / cycles
-    return period_s
 
 
 def _common_lags_s(causes: Events, effects: Events, range_s: tuple[float, float], frame_s: float) -> FloatArray:

@@ -119,11 +119,6 @@ def row_numbers(rows: int) -> rr.LineStrips2D:
     return rr.LineStrips2D(strips, radii=THICKNESS / 2, colors=WHITE)
 
 
-def number_width(rows: int) -> float:
-    """Return the width of a picture's row numbers, to its left, with a margin; in rows."""
-    return SCALE + PITCH * len(str(rows - 1)) + 0.3
-
-
 def number_strips(number: int, right: float, top: float) -> list[FloatArray]:
     """Return a strip, (corners, 2), for each digit of a number, whose last digit is at `right` and `top`."""
     lefts = right - SCALE - PITCH * np.arange(len(str(number)))[::-1]

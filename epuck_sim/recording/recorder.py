@@ -69,7 +69,9 @@ def record(
     level, scenario = Level(level), load_of_model(scenario, Scenario)  # with every default written out
     memory = series.recorded_fields(scenario, level, memory)
     layout = layout_file(arrangement_of(scenario, level, memory))
-    with rrd_file(Path(path), _recording_id(scenario, seed, level, memory), layout) as write:
+    described = "\n".join([write_scenario(scenario), str(seed), level, json.dumps(versions()), *memory])
+    recording_id = hashlib.sha256(described.encode()).hexdigest()[:32]  # the same for the same trial, level and fields
+    with rrd_file(Path(path), recording_id, layout) as write:
         recorder = Recorder(scenario, seed, level, BUFFER_S, write, memory)
         yield recorder
         recorder.finish()
@@ -150,12 +152,6 @@ class Recorder:
         self._write(*final, [Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 
 
-def _recording_id(scenario: Scenario, seed: int, level: Level, memory: Sequence[str]) -> str:
-    """Return a name that is the same whenever the same trial is recorded at the same level, with the same fields."""
-    described = "\n".join([write_scenario(scenario), str(seed), level, json.dumps(versions()), *memory])
-    return hashlib.sha256(described.encode()).hexdigest()[:32]
-
-
 def _description(scenario: Scenario, seed: int, level: Level, memory: Sequence[str]) -> Iterator[Chunk]:
     described: dict[str, Any] = {
         "format": FORMAT,
@@ -231,7 +227,8 @@ def make_layout(given: Arrangement) -> rrb.Blueprint:
     above = rrb.Horizontal(left_side, rrb.Vertical(*plots), column_shares=shares)
     if not has_pictures:
         return _blueprint(above)
-    left, rows = -layers.number_width(given.size), (-0.3, given.size + 0.3)
+    left = -layers.SCALE - layers.PITCH * len(str(given.size - 1)) - 0.3  # of row numbers
+    rows = -0.3, given.size + 0.3
     cameras = _picture(layers.CAMERA, "camera rows", (left, given.pixels + 0.3), rows)
     distances = _picture(layers.INFRARED, "infrared distances [mm]", (left, SENSORS + 0.3), rows)
     pictures = rrb.Horizontal(cameras, distances, column_shares=[3, 2])
