@@ -283,7 +283,7 @@ def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Tra
         rings = [Ring(x_cm, y_cm, epuck.RING_RADIUS_CM, 0.0, 0.0, 0.0, 100.0) for x_cm, y_cm in places[lit].tolist()]
         linker.add(time_s, rings)
     geometry = film.geometry._replace(floor_cm=(scenario.arena.width_cm, scenario.arena.height_cm))
-    counted = CountedRings(len(times_s), 0.0, times_s, is_lit.sum(axis=1), unseen, linker.flashes, geometry)
+    counted = CountedRings(len(times_s), times_s, is_lit.sum(axis=1), unseen, linker.flashes, geometry)
     robots = None if film.options.robots is None else int(is_lit.any(axis=0).sum())
     options = film.options._replace(robots=robots, tag_numbers=None)
     track = analyse(f"trial {seed} of {scenario.name}", counted, options, ())

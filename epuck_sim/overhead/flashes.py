@@ -160,8 +160,7 @@ class CountedRings(NamedTuple):
     """The lit rings of a trial that was filmed, or simulated as if it was filmed."""
 
     frames: int  # number of frames, including those of a lit beginning
-    start_s: float  # beginning of the trial on the film's clock
-    times_s: FloatArray  # (frames,) s: times of the trial's frames on the film's clock
+    times_s: FloatArray  # (frames,) s: times of the trial's frames on the film's clock; it begins with the first
     counts: IntArray  # (frames,) lit rings in each of them
     areas_px: IntArray  # (frames,) pixels of the floor that are lit in each of them; 0 where there are no pictures
     flashes: tuple[Flash, ...]  # flashes of the trial, in order of their onsets
@@ -285,7 +284,6 @@ class RingCounter:
         bright = max(LIT_LEVEL, self._geometry.ring_light)
         return CountedRings(
             frames=len(self._rings),
-            start_s=self.start_s,
             times_s=times_s,
             counts=counts,
             areas_px=np.array(self._areas, np.int64),

@@ -298,8 +298,12 @@ class RectifiedView:
     """The plane of the rings, as far as a camera sees it, from straight above: square cells along the arena's axes."""
 
     def __init__(self, camera: CameraModel) -> None:
-        above_cm = camera.position_cm[2] - epuck.RING_HEIGHT_CM
-        low, high = _extent_cm(camera, above_cm)
+        above_cm, below = camera.position_cm[2] - epuck.RING_HEIGHT_CM, camera.position_cm[:2]
+        edge, reach = np.linspace(0, 1, 33), MAX_REACH_HEIGHTS * above_cm
+        border = np.concatenate([np.column_stack([edge, np.full(33, end)]) for end in (0.0, 1.0)])
+        border = np.concatenate([border, border[:, ::-1]]) * (camera.width_px - 1, camera.height_px - 1)
+        shown = camera.back_project(border, epuck.RING_HEIGHT_CM)  # the extent of the plane that the picture shows
+        low, high = np.clip([shown.min(axis=0), shown.max(axis=0)], below - reach, below + reach)
         densest = math.sqrt(MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px / np.prod(high - low))
         cells = min(max(round(min(camera.lens.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
         self.cells_per_cm, self.origin_cm = cells * COARSE_PER_CM, low  # middle of row 0, the lowest, and column 0
@@ -369,18 +373,6 @@ def _fixed_point_map(cells: npt.NDArray[Any]) -> FixedPointMap:
     return np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)
 
 
-def _extent_cm(camera: CameraModel, above_cm: float) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and the highest x and y of the plane that the picture shows."""
-    edge = np.linspace(0, 1, 33)
-    border = np.concatenate([np.column_stack([edge, np.full(33, end)]) for end in (0.0, 1.0)])
-    border = np.concatenate([border, border[:, ::-1]]) * (camera.width_px - 1, camera.height_px - 1)
-    below = camera.position_cm[:2]
-    shown = camera.back_project(border, epuck.RING_HEIGHT_CM)
-    reach = MAX_REACH_HEIGHTS * above_cm
-    low, high = np.clip([shown.min(axis=0), shown.max(axis=0)], below - reach, below + reach)
-    return low, high
-
-
 def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: float) -> Fit | None:
     """Fit a circle to a ring whose centre is within about 1 cm of a cell of the view.
 
@@ -391,8 +383,7 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
     """
     radius = epuck.RING_RADIUS_CM
     for _ in range(MAX_ROUNDS):
-        profile = _polar(view, cells_per_cm, column, row)
-        joined = _join_leds(profile)
+        profile, joined = _polar(view, cells_per_cm, column, row)
         ring = slice(math.ceil(INSIDE * radius / STEP_CM), math.floor((radius + OUTSIDE_CM) / STEP_CM) + 1)
         inside = cv2.mean(profile[:, : math.floor(max(radius / 2, STEP_CM) / STEP_CM) + 1])[0]
         bright = median(joined[:, ring].max(axis=1))
@@ -435,18 +426,13 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
     )
 
 
-def _polar(view: Light, cells_per_cm: int, column: float, row: float) -> Light:
-    """Return (BINS, radii) the light along each direction from a cell."""
+def _polar(view: Light, cells_per_cm: int, column: float, row: float) -> tuple[Light, Light]:
+    """Return (BINS, radii) the light along each direction from a cell; and the same, filled from LED to LED."""
     flags = cv2.INTER_LINEAR | cv2.WARP_POLAR_LINEAR | cv2.WARP_FILL_OUTLIERS
-    size = len(_RADII), BINS
-    return np.asarray(cv2.warpPolar(view, size, (column, row), REACH_CM * cells_per_cm, flags), np.uint8)
-
-
-def _join_leds(profile: Light) -> Light:
-    """Return (BINS, radii) light whose gaps along the circle are filled from one LED to the next."""
+    profile = cv2.warpPolar(view, (len(_RADII), BINS), (column, row), REACH_CM * cells_per_cm, flags)
     around = cv2.copyMakeBorder(profile, LED_BINS, LED_BINS, 0, 0, cv2.BORDER_WRAP)
     joined = cv2.morphologyEx(around, cv2.MORPH_CLOSE, _FROM_LED_TO_LED)
-    return np.asarray(joined[LED_BINS:-LED_BINS], np.uint8)
+    return np.asarray(profile, np.uint8), np.asarray(joined[LED_BINS:-LED_BINS], np.uint8)
 
 
 def _edge(profile: Light, level: float) -> tuple[FloatArray, BoolArray]:

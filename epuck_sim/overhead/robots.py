@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.flashes import FlashTable
@@ -223,11 +223,15 @@ def flash_columns(track: Track, robots: Robots) -> Columns:
 
 def trace_columns(track: Track, robots: Robots) -> Columns:
     """Return a table with a row for each robot in each frame; traces of simulations have these columns, too."""
-    times_s = track.times_s
-    places, is_lit = _while_lit(robots, times_s)
-    poses = np.full((*is_lit.shape, 3), np.nan) if robots.poses is None else robots.poses.copy()
-    unread = np.isnan(poses[..., 0])
-    poses[unread, :2] = places[unread]
+    times_s, flashes, spans = track.times_s, robots.flashes, robots.flashes.frames(track.times_s)
+    poses = np.full((len(times_s), len(robots.numbers), 3), np.nan) if robots.poses is None else robots.poses.copy()
+    unread, is_lit = np.isnan(poses[..., 0]), np.zeros(poses.shape[:2], bool)
+    for index in np.flatnonzero(robots.identities.robot >= 0):
+        column, span = np.searchsorted(robots.numbers, robots.identities.robot[index]), slice(*spans[index])
+        since_s = times_s[span] - times_s[span].mean()
+        seen_cm = flashes.places_cm[index] + since_s[:, None] * flashes.velocities_cm_s[index]
+        poses[span, column, :2] = np.where(unread[span, column, None], seen_cm, poses[span, column, :2])
+        is_lit[span, column] = True
     shares = _phases(track, robots, times_s)
     return {
         "time_s": np.repeat(times_s, len(robots.numbers)),
@@ -258,22 +262,6 @@ def _phases(track: Track, robots: Robots, times_s: FloatArray) -> FloatArray:
 def _order(track: Track, robots: Robots) -> FloatArray:
     """Return (flashes,) order parameters of the robots' phases at each onset."""
     return order_of_shares(_phases(track, robots, robots.flashes.onset_s))
-
-
-def _while_lit(robots: Robots, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return (frames, robots, 2) cm: places of lit robots, else NaN; and (frames, robots) whether each is lit."""
-    places = np.full((len(times_s), len(robots.numbers), 2), np.nan)
-    is_lit = np.zeros(places.shape[:2], bool)
-    flashes = robots.flashes
-    spans = flashes.frames(times_s)
-    for index, number in enumerate(robots.identities.robot):
-        if number < 0:
-            continue
-        column, span = np.searchsorted(robots.numbers, number), slice(*spans[index])
-        since_s = times_s[span] - times_s[span].mean()
-        places[span, column] = flashes.places_cm[index] + since_s[:, None] * flashes.velocities_cm_s[index]
-        is_lit[span, column] = True
-    return places, is_lit
 
 
 def write_table(path: Path, columns: Columns, metadata: Mapping[str, str]) -> None:

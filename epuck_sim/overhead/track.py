@@ -199,14 +199,14 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
 
     FilmError is raised if it has no light, its trial is a single frame, or its period is neither given nor clear.
     """
-    start_s, times_s, geometry = counted.start_s, counted.times_s, counted.geometry
+    times_s, geometry = counted.times_s, counted.geometry
     if not counted.counts.any():
         raise FilmError(
             f"{film}: no lit ring is seen in {counted.frames} frames; is it the right film, are the rings about 7 cm "
             "wide, and is the exposure long enough? If --corners, --arena-cm, --height-cm, --start-s or --end-s were "
             "given, check them; if this package made the film and it was scaled or cropped since, give --arena-cm"
         )
-    is_late = 2 * len(times_s) < counted.frames
+    start_s, is_late = float(times_s[0]), 2 * len(times_s) < counted.frames
     lit = f" (the room seems lit until {start_s:.3g} s: switch lamps off)" if is_late else ""
     if len(times_s) < 2:
         raise FilmError(f"{film}: its trial is one frame long{lit}; allowed: two or more, preferably several periods")

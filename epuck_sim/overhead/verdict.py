@@ -126,7 +126,7 @@ def objections(evidence: Evidence) -> list[str]:
             f"turn, and the period may be {2 * period_s:.4g} s; give --period-s"
         )
     at_s = evidence.in_order_s
-    is_early = at_s is not None and at_s < evidence.counted.start_s + FROM_BEGINNING * period_s
+    is_early = at_s is not None and at_s < evidence.span_s[0] + FROM_BEGINNING * period_s
     if is_early and not found and may_be_half_a_period(evidence):
         found.append(
             f"flashes are in step from the beginning, or the period is {2 * period_s:.4g} s and two groups "
@@ -202,7 +202,7 @@ def _about_light(evidence: Evidence) -> tuple[list[str], list[str]]:
     hint = evidence.unless_corners("; give --corners, --arena-cm and --height-cm")
     blame = f"rings are missed, or something else is lit{hint}"
     if narrow_s and narrow_s[0] < sync_s - late_s:
-        at = f"is synchronised at {narrow_s[0] - counted.start_s:.1f} s, but the rings that are found are not"
+        at = f"is synchronised at {narrow_s[0] - evidence.span_s[0]:.1f} s, but the rings that are found are not"
         return [f"the total light {at}: {blame}"], []
     if near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:  # that few are in step is a reason of its own
         spread = f"is spread by {1000 * min(near_s):.0f} ms where the rings that are found are synchronised"
@@ -216,15 +216,6 @@ def rings_by_light(areas_px: IntArray, counts: IntArray) -> FloatArray:
     lit = (counts > 0) & (area > 0)
     usual_px = np.median(area[lit] / counts[lit]) if np.count_nonzero(lit) >= FEW else math.inf
     return np.asarray(area / usual_px)
-
-
-def light_of_no_ring(areas_px: IntArray, counts: IntArray) -> float:
-    """Return the share of the light that comes from no counted ring; 0 if few of (frames,) show light.
-
-    A rolling shutter cuts rings in two, and short flashes are then often missed.
-    """
-    rings = float(rings_by_light(areas_px, counts).sum())
-    return 1.0 - float(counts.sum()) / rings if rings else 0.0
 
 
 def count_images(flashes: FlashTable) -> int:
@@ -266,9 +257,10 @@ def doubts(evidence: Evidence) -> list[str]:
             f"flashes whose rings are burnt out to discs: {burnt} of {len(flashes.light)}; lamps look the "
             "same; film with a shorter, fixed exposure"
         )
-    if (share := light_of_no_ring(counted.areas_px, counted.counts)) > MOST_UNSEEN:
+    by_light = float(rings_by_light(counted.areas_px, counted.counts).sum())
+    if by_light and (unseen := 1.0 - float(counted.counts.sum()) / by_light) > MOST_UNSEEN:
         found.append(
-            f"{100 * share:.0f} % of the light is from no ring that was found: rings are burnt out, dim, of another "
+            f"{100 * unseen:.0f} % of the light is from no ring that was found: rings are burnt out, dim, of another "
             "size or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and "
             f"more frames per second{evidence.unless_corners(', or give the corners by --corners')}"
         )

@@ -230,16 +230,12 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
         yield write
         with _blaming(path):
             run_rerun("rrd", "route", *map(str, parts), "-o", str(whole))
-            _seal(whole)
+            with whole.open("r+b") as file, mmap.mmap(file.fileno(), 0) as contents:  # is sealed
+                place = contents.find(_MARK) + len(_MARK)
+                if contents[place : place + len(_BLANK)] != _BLANK:
+                    raise RecordingError("rerun has packed its digest")
+                contents[place : place + len(_BLANK)] = _digest(contents, place)
             publish(whole, path)
-
-
-def _seal(path: Path) -> None:
-    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as contents:
-        place = contents.find(_MARK) + len(_MARK)
-        if contents[place : place + len(_BLANK)] != _BLANK:
-            raise RecordingError("rerun has packed its digest")
-        contents[place : place + len(_BLANK)] = _digest(contents, place)
 
 
 def is_whole(path: Path) -> bool | None:
