@@ -9,7 +9,7 @@ Pixels: (column, row), measured from the middle of the upper left pixel, as in O
 import hashlib
 import math
 from collections.abc import Callable, Iterable
-from itertools import compress
+from itertools import compress, pairwise
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -151,10 +151,8 @@ class Geometry(NamedTuple):
 
     def floor_outline_px(self) -> FloatArray:
         """Return (n, 2) px: the outline of the floor, in order."""
-        share = np.arange(OUTLINE_POINTS)[:, None] / OUTLINE_POINTS
-        corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * self.floor_cm
-        ends = np.roll(corners, -1, 0)
-        outline = np.vstack([start + share * (end - start) for start, end in zip(corners, ends, strict=True)])
+        corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)]) * self.floor_cm
+        outline = np.vstack([np.linspace(*ends, OUTLINE_POINTS, False) for ends in pairwise(corners)])
         return self.camera.project(np.column_stack([outline, np.zeros(len(outline))]))
 
 
@@ -279,17 +277,9 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
         halves = [_fit_lens(views[first::2], size_px, is_fisheye)[1] for first in (0, 1)]
         if not all(abs(half[0, 0] / matrix[0, 0] - 1) <= UNSURE_FOCUS for half in halves):
             raise ValueError("half of the views give another lens")  # noqa: TRY301 is undetermined, too
-        return LensFile(
-            width_px=size_px[0],
-            height_px=size_px[1],
-            focal_px=matrix[0, 0],
-            focal_down_px=matrix[1, 1],
-            middle_px=matrix[:2, 2].tolist(),
-            coefficients=np.ravel(terms).tolist(),
-            is_fisheye=is_fisheye,
-            views=len(views),
-            error_px=error,
-        )
+        lens = Lens(matrix[0, 0], matrix[1, 1], matrix[:2, 2].tolist(), tuple(np.ravel(terms).tolist()), is_fisheye)
+        told: dict[str, Any] = {"width_px": size_px[0], "height_px": size_px[1], **lens._asdict()}
+        return LensFile(**told, views=len(views), error_px=error)
     except (cv2.error, ValueError) as failed:  # pydantic's are ValueErrors
         raise FilmError(
             f"{name}: the views of the board do not determine a lens; show it tilted, near and far, and in the corners"

@@ -109,11 +109,20 @@ def film_recording(
 
     EpuckSimError is raised if it cannot be filmed, an override is no camera key, or the film cannot be written.
     """
-    recorded = read_recording(recording)
-    recorded_scenario = _require_rings(recorded.scenario, str(recording))
+    recorded, source = read_recording(recording), str(recording)
+    mapping = _require_rings(recorded.scenario, source).model_dump(mode="json")
     if recorded.level is Level.SUMMARY:
         raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
-    scenario = _override_camera(recorded_scenario, overrides, str(recording))
+    keys = [f"overhead.{name}" for name in OverheadSection.model_fields]
+    for override in overrides:
+        option = f"--set {override}"
+        typed, value = parse_setting(override)
+        found = full_keys(typed, keys, option)
+        if not found and not typed.startswith("overhead."):
+            names = ", ".join(OverheadSection.model_fields)
+            raise FilmError(f"{option}: is no key of the camera; the trial itself cannot change; allowed: {names}")
+        mapping = set_value(mapping, (found or [typed])[0], value, option)
+    scenario = _require_rings(validate(mapping, source), source)
     poses = map(np.column_stack, zip(recorded.positions, recorded.headings, strict=True))
     begin_s, arenas = zip(*recorded.arenas, strict=True)
     orders = [None, *recorded.firing_order.tolist()]
@@ -127,21 +136,6 @@ def film_recording(
 
 def _require_rings(scenario: Scenario, origin: str) -> EmbodiedScenario:
     return require_model(scenario, EmbodiedScenario, "its agents have no rings; `run --film` films agents", origin)
-
-
-def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], source: str) -> EmbodiedScenario:
-    """Return a scenario with changes to its overhead camera; source: file to name in errors."""
-    mapping = scenario.model_dump(mode="json")
-    keys = [f"overhead.{name}" for name in OverheadSection.model_fields]
-    for override in overrides:
-        option = f"--set {override}"
-        typed, value = parse_setting(override)
-        found = full_keys(typed, keys, option)
-        if not found and not typed.startswith("overhead."):
-            names = ", ".join(OverheadSection.model_fields)
-            raise FilmError(f"{option}: is no key of the camera; the trial itself cannot change; allowed: {names}")
-        mapping = set_value(mapping, (found or [typed])[0], value, option)
-    return _require_rings(validate(mapping, source), source)
 
 
 @contextmanager

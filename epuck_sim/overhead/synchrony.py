@@ -69,10 +69,16 @@ class SynchronyDetector:
         evaluation = None  # at most one of the runs due now is a mode, as modes are half a period apart
         while self._runs and self._runs[0][0] + half_s <= time_s:
             middle_s, count = self._runs.popleft()
+            # the frame before the period covers its beginning
             first, end = bisect_right(self._times, middle_s - half_s) - 1, bisect_left(self._times, middle_s + half_s)
             if middle_s >= self._earliest_s and max(self._counts[first:end]) == count:
-                shown = np.array(self._times[first:end]), np.array(self._counts[first:end])
-                evaluation = _around(middle_s, self._period_s, *shown)
+                times_s, window = np.array(self._times[first:end]), (middle_s - half_s, middle_s + half_s)
+                begins_s, ends_s = (np.clip(each, *window) for each in (times_s, frame_ends(times_s, window[1])))
+                seconds, middles_s = ends_s - begins_s, (begins_s + ends_s) / 2
+                lit_s = seconds * self._counts[first:end]
+                mean_s = np.average(middles_s, weights=lit_s)
+                spread_s = math.sqrt(np.average((middles_s - mean_s) ** 2, weights=lit_s))
+                evaluation = Evaluation(middle_s, count, spread_s, float(seconds.sum() / self._period_s))
                 self._earliest_s = middle_s + half_s
         return evaluation
 
@@ -82,17 +88,6 @@ def evaluate(times_s: FloatArray, counts: IntArray, period_s: float) -> list[Eva
     detector = SynchronyDetector(period_s)
     evaluations = map(detector.update, times_s.tolist(), counts.tolist())
     return [evaluation for evaluation in evaluations if evaluation is not None]
-
-
-def _around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntArray) -> Evaluation:
-    """Evaluate the period around a time, from the frames within it and the one before, which covers its beginning."""
-    window = middle_s - period_s / 2, middle_s + period_s / 2
-    begins_s = np.clip(times_s, *window)
-    ends_s = np.clip(frame_ends(times_s, window[1]), *window)
-    seconds, middles_s = ends_s - begins_s, (begins_s + ends_s) / 2
-    mean_s = np.average(middles_s, weights=seconds * counts)
-    spread_s = math.sqrt(np.average((middles_s - mean_s) ** 2, weights=seconds * counts))
-    return Evaluation(middle_s, int(counts.max()), spread_s, float(seconds.sum() / period_s))
 
 
 def frame_ends(times_s: FloatArray, end_s: float) -> FloatArray:

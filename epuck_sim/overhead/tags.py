@@ -11,7 +11,7 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.overhead.camera import CameraModel, Frame, Light, Picture
+from epuck_sim.overhead.camera import CameraModel, Frame
 
 BRIGHT = 200.0  # level to which the paper of tags is brightened: OpenCV's thresholds are meant for well lit pictures
 MAX_GAIN = 10.0  # largest factor by which pictures are brightened: more would show noise alone
@@ -67,7 +67,10 @@ class TagReader:
 
     def read(self, frame: Frame) -> None:
         """Read and keep the tags in the next frame."""
-        bright = _brightened(frame.picture)
+        red, green, blue = cv2.split(frame.picture)  # in their minimum, lit rings are dim
+        least = np.asarray(cv2.min(cv2.min(red, green), blue), np.uint8)
+        paper = float(np.quantile(least[::SAMPLED_PX, ::SAMPLED_PX], PAPER_SHARE))
+        bright = cv2.convertScaleAbs(least, alpha=min(max(BRIGHT / max(paper, 1.0), 1.0), MAX_GAIN))
         corners, numbers, _ = self._quick.detectMarkers(bright)
         if len(corners) < self._most:  # some are gone, or hard to see
             corners, numbers, _ = self._thorough.detectMarkers(bright)
@@ -94,12 +97,3 @@ def _parameters(camera: CameraModel, dictionary: str, windows_cm: Sequence[float
     parameters.minMarkerPerimeterRate = 4 * tag_modules(dictionary) * LEAST_MODULE_PX / longer_px
     parameters.maxMarkerPerimeterRate = 4 * LARGEST_TAG_CM * px_per_cm / longer_px
     return parameters
-
-
-def _brightened(picture: Picture) -> Light:
-    """Return the minimum of the colours, in which lit rings are dim, brightened as in a well lit room."""
-    red, green, blue = cv2.split(picture)
-    least = np.asarray(cv2.min(cv2.min(red, green), blue), np.uint8)
-    paper = float(np.quantile(least[::SAMPLED_PX, ::SAMPLED_PX], PAPER_SHARE))
-    gain = min(max(BRIGHT / max(paper, 1.0), 1.0), MAX_GAIN)
-    return np.asarray(cv2.convertScaleAbs(least, alpha=gain), np.uint8)

@@ -172,14 +172,6 @@ def static_arena_entities(population: Population, level: Level) -> Iterator[Chun
     yield static_chunk(HEADINGS, arrows)
 
 
-def _changing_walls(batch: RowBatch) -> Iterator[Chunk]:
-    rows, arenas = zip(*batch.arenas, strict=True)
-    for entity, outlines_of in ((WALLS, _wall_outlines), (OBSTACLES, _obstacle_outlines)):
-        outlines = [outlines_of(arena) for arena in arenas]
-        strips = rr.LineStrips2D.columns(strips=[*chain.from_iterable(outlines)])
-        yield temporal_chunk(entity, batch.time_ns[[*rows]], strips, [*map(len, outlines)])
-
-
 def _wall_outlines(arena: Arena) -> list[FloatArray]:
     """Return the corners of the floor, and the first one again, (5, 2) cm, as a list of one outline."""
     width, height = arena.width_cm, arena.height_cm
@@ -201,7 +193,11 @@ def number_style(population: Population) -> tuple[float, float]:
 def arena_entities(batch: RowBatch, population: Population) -> Iterator[Chunk]:
     """Yield positions, headings and rings in these rows, movables, and walls that change."""
     if population.arena_changes:
-        yield from _changing_walls(batch)
+        rows, arenas = zip(*batch.arenas, strict=True)
+        for entity, outlines_of in ((WALLS, _wall_outlines), (OBSTACLES, _obstacle_outlines)):
+            outlines = [outlines_of(arena) for arena in arenas]
+            strips = rr.LineStrips2D.columns(strips=[*chain.from_iterable(outlines)])
+            yield temporal_chunk(entity, batch.time_ns[[*rows]], strips, [*map(len, outlines)])
     count, time_ns, places = population.size, batch.time_ns, batch.poses[..., :2]
     ahead = population.radii_cm[:, None] * unit_vectors(batch.poses[..., 2])
     middles, rings = places.reshape(-1, 2), batch.ring_on.ravel().astype(np.uint16)

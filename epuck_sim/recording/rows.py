@@ -290,5 +290,4 @@ def _firing_columns(firings: Sequence[tuple[int, float]]) -> dict[str, Any]:
 
 def _from_above(vectors: FloatArray) -> FloatArray:
     """Return x and y of vectors, (..., dimensions): a third dimension is dropped, and y of a segment is 0."""
-    across = vectors[..., 1:2] if vectors.shape[-1] > 1 else np.zeros_like(vectors)
-    return np.concatenate([vectors[..., :1], across], axis=-1)
+    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 1))], axis=-1)[..., :2]

@@ -14,7 +14,6 @@ from epuck_sim.embodied.step import check_fields, reading_fields
 from epuck_sim.recording import Level
 from epuck_sim.recording.rerun import static_chunk, temporal_chunk
 from epuck_sim.recording.rows import Population, RowBatch
-from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.result import TrialState
@@ -92,7 +91,9 @@ class Texts:
         if events := state.events[self._events :]:
             self._events += len(events)
             times = np.array([round(event.time_s * 1e9) for event in events])
-            yield temporal_chunk(EVENTS, times, rr.TextLog.columns(text=list(map(_in_words, events))))
+            whom = [f" in {', '.join(map(str, event.robots))}" if event.robots else "" for event in events]
+            said = [f"{event.source}: {event.what}{each}" for event, each in zip(events, whom, strict=True)]
+            yield temporal_chunk(EVENTS, times, rr.TextLog.columns(text=said))
         cycles = self._cycles + np.searchsorted(batch.firings, np.arange(len(batch.time_ns)), side="right")
         self._cycles = state.cycles
         t_sync = state.outcome.cycles if state.is_synchronised else math.inf
@@ -138,8 +139,3 @@ def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> 
 def memory_entity(field: str) -> str:
     """Return the entity of a field; values are NaN for robots whose controllers have no such field."""
     return f"{MEMORY}/{field}"
-
-
-def _in_words(event: TrialEvent) -> str:
-    whom = f" in {', '.join(map(str, event.robots))}" if event.robots else ""
-    return f"{event.source}: {event.what}{whom}"

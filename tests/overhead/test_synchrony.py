@@ -182,17 +182,6 @@ def test_whatever_is_counted_the_estimates_are_none_or_within_the_film(film):
         assert estimate is None or 0 < estimate < times[-1] - times[0]
 
 
-events = st.lists(st.tuples(st.integers(0, 40), st.integers(1, 3)), max_size=12).map(sorted)
-
-
-@given(events, events, st.integers(0, 10), st.integers(0, 30))
-def test_lags_are_those_of_all_pairs(causes, effects, least, width):
-    expected = [(b - a, m * n) for a, m in causes for b, n in effects if least <= b - a < least + width]
-    pairs = (np.array(each, float).reshape(-1, 2).T for each in (causes, effects))
-    found = synchrony._lags(*map(tuple, pairs), (least, least + width))
-    assert list(zip(*(each.tolist() for each in found), strict=True)) == expected
-
-
 @given(st.floats(0.2, 1.0), st.floats(14, 60))
 def test_the_flash_of_rings_that_go_on_together_is_right_to_a_frame(flash, rate):
     times = even(60, rate)

@@ -19,7 +19,7 @@ from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.step import Step, memory_values
 from epuck_sim.recording import Level, layers, recorder
 from epuck_sim.recording.layers import UNBOUNDED_VIEW_CM, row_numbers
-from epuck_sim.recording.reader import Recorded, nearest, read_recording
+from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import arrangement_of, make_layout
 from epuck_sim.recording.rerun import PROGRAM, SEAL, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -453,17 +453,3 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
         )
         bare = make_layout(arrangement_of(load_scenario("thesis"), level)).root_container
         assert not {"/events", "/memory/phase_ms"} & origins(bare)
-
-
-@pytest.mark.parametrize("side_cm", [100.0, np.inf])
-def test_the_nearest_place_of_a_row_is_found_for_many_points(side_cm: float) -> None:
-    random = np.random.default_rng(3)
-    places, points, rows = (
-        random.uniform(0, 100, (9, 70, 2)),
-        random.uniform(0, 100, (800, 2)),
-        random.integers(9, size=800),
-    )
-    found = nearest(points, places, rows, side_cm)
-    for point, row, number in zip(points, rows, found, strict=True):
-        away = np.abs(places[row] - point)
-        assert number == np.hypot(*np.minimum(away, np.abs(side_cm - away)).T).argmin()
