@@ -223,7 +223,7 @@ def track(
     from epuck_sim.cli.progress import progress_bar
     from epuck_sim.cli.tables import print_track
     from epuck_sim.overhead.live import Watching, track_camera
-    from epuck_sim.overhead.robots import find_robots, save_robots
+    from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import look_again, track_film
 
     scene = scene_options(arena, height, corners, lens, period, robots, tags, fps)._replace(
@@ -252,7 +252,7 @@ def track(
     print_doubts((*tracked.warnings, *(robots_found.warnings if robots_found else ())))
     print_track(tracked, robots_found, as_json=as_json)
     if robots_found is not None:
-        save_robots(tracked, robots_found, flashes, trace, pairs)
+        robots_found.save(flashes, trace, pairs)
     shown = None
     if camera is None and (annotate or plot):
         shown = look_again(tracked, annotate, progress_bar("annotating" if annotate else "drawing"))
@@ -332,8 +332,8 @@ def compare_film(
     shown, count = track.options.robots or track.robots_seen, loaded.robot_count
     if shown > count or track.options.robots not in (None, count):
         print_stderr(f"warning: the film shows {shown} robots, {loaded.name} has {count}")
-    rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
-    fitted = compare.fitted_values(loaded, track, found)
+    rows = compare.compare_film(found, loaded, trials, trials_bar(trials))
+    fitted = compare.fitted_values(loaded, found)
     print_comparison(track, loaded.name, rows, fitted, as_json=as_json)
     if fit is not None:
         compare.save_fitted(fit, loaded, fitted, film)

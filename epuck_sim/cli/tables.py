@@ -174,9 +174,7 @@ NAMES_WIDTH = 27  # width of the names of results, in letters
 
 def print_track(track: "Track", robots: "Robots | None" = None, *, as_json: bool = False) -> None:
     """Print the summary of a track on stdout, and of its robots if they are given, as a table or a JSON object."""
-    from epuck_sim.overhead.robots import summary
-
-    identities = {} if robots is None else summary(track, robots)
+    identities = {} if robots is None else robots.summary()
     if as_json:
         print_json({**track.summary(), **({"identities": identities} if identities else {})})
         return

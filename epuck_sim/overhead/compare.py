@@ -46,19 +46,19 @@ SPEED = "robots.0.parameters.speed_cm_s"
 FEW = 3  # fewest robots, or flashes of a robot, whose differences are estimated
 
 
-def fit_film(track: Track, robots: Robots, step_s: float = 0.0) -> dict[str, Estimate]:
+def fit_film(robots: Robots, step_s: float = 0.0) -> dict[str, Estimate]:
     """Return the quantities that a film determines, by the keys of a scenario whose robots are all alike.
 
     Rings are lit for whole control steps of `step_s`, up to one step longer than the flash fraction.
     """
-    group, period_s = "robots.0.parameters", track.period_s
+    track, group, period_s = robots.track, "robots.0.parameters", robots.track.period_s
     speed, speeds = _fit_speeds(robots)
     fitted = {SPEED: speed}
     if robots.identities.unsure <= MANY_UNSURE:  # otherwise each robot that is found mixes several
-        period, clocks = _fit_clocks(robots, track)
+        period, clocks = _fit_clocks(robots)
         fitted |= {"spread.wheel_speed": speeds, f"{group}.period_s": period, "spread.clock_rate": clocks}
         period_s = period_s if math.isnan(period.value) else period.value
-    fitted[f"{group}.flash_fraction"] = _fit_flash(robots, track, period_s, step_s)
+    fitted[f"{group}.flash_fraction"] = _fit_flash(robots, period_s, step_s)
     frames_s = np.diff(track.times_s)
     usual = frames_s[np.abs(frames_s / np.median(frames_s) - 1) < 0.5]
     if len(usual):  # not three frames, say, of which two are close together
@@ -87,9 +87,9 @@ def _fit_speeds(robots: Robots) -> tuple[Estimate, Estimate]:
     return mean._replace(low=mean.low * (1 - SCALE_ERROR), high=mean.high * (1 + SCALE_ERROR)), spread
 
 
-def _fit_clocks(robots: Robots, track: Track) -> tuple[Estimate, Estimate]:
+def _fit_clocks(robots: Robots) -> tuple[Estimate, Estimate]:
     """Return the period of robots that see no flash, and the half-width of the factors by which clocks differ."""
-    frame_s, cycles = 1 / track.fps, _cycles(robots)
+    track, frame_s, cycles = robots.track, 1 / robots.track.fps, _cycles(robots)
     every = np.concatenate([*cycles, np.empty(0)])
     near = every[np.abs(every / track.period_s - 1) < 0.1]
     usual_s, _ = mean_shift(near, np.ones(len(near)), track.period_s, frame_s)
@@ -101,8 +101,8 @@ def _fit_clocks(robots: Robots, track: Track) -> tuple[Estimate, Estimate]:
     return fit_uniform(means, frame_s / np.sqrt(6 * numbers))
 
 
-def _fit_flash(robots: Robots, track: Track, period_s: float, step_s: float) -> Estimate:
-    durations = (robots.flashes.end_s - robots.flashes.onset_s)[:-1]
+def _fit_flash(robots: Robots, period_s: float, step_s: float) -> Estimate:
+    track, durations = robots.track, (robots.flashes.end_s - robots.flashes.onset_s)[:-1]
     usual = durations[np.abs(durations - track.flash_ms / 1000) <= 2 / track.fps]
     if len(usual) < FEW:
         return UNDETERMINED
@@ -253,27 +253,23 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
 
 
 def compare_film(
-    film: Track,
-    robots: Robots,
-    scenario: EmbodiedScenario,
-    trials: int,
-    progress: Callable[[Iterable[int]], Iterable[int]],
+    film: Robots, scenario: EmbodiedScenario, trials: int, progress: Callable[[Iterable[int]], Iterable[int]]
 ) -> list[QuantityComparison]:
-    """Compare quantities of a film and its robots with those of trials, simulated with the scenario's seeds."""
+    """Compare quantities of a film with those of trials, simulated with the scenario's seeds."""
     values = np.full((len(QUANTITIES), trials), np.nan)
     for trial in progress(range(trials)):
         try:
-            track, found = track_trial(scenario, trial_seed(scenario.seed, trial), film)
+            found = track_trial(scenario, trial_seed(scenario.seed, trial), film.track)
         except FilmError:  # nothing is known of it
             continue
-        values[:, trial] = [measured(track, found) for measured in QUANTITIES.values()]
+        values[:, trial] = [measured(found) for measured in QUANTITIES.values()]
     rows = zip(QUANTITIES.items(), values, strict=True)
-    end = film.duration_s / film.period_s
-    return [QuantityComparison(*named, measured(film, robots), row, end) for (named, measured), row in rows]
+    end = film.track.duration_s / film.track.period_s
+    return [QuantityComparison(*named, measured(film), row, end) for (named, measured), row in rows]
 
 
-def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Track, Robots]:
-    """Return the track and the robots of a simulated trial, as if it were filmed like another film; raise as `analyse`.
+def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> Robots:
+    """Return the robots of a simulated trial, as if it were filmed like another film; raise as `analyse`.
 
     The tracker knows the number of robots if it knew the film's, and reads tags in all frames if it read the film's.
     """
@@ -290,7 +286,7 @@ def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Tra
     if film.tags is not None:
         at, who = np.nonzero(~np.isnan(poses[..., 0]))
         track = track._replace(tags=Readings(times_s[at], who, poses[at, who]))
-    return track, find_robots(track)
+    return find_robots(track)
 
 
 def _within(track: Track, value: float | None) -> float:
@@ -298,34 +294,32 @@ def _within(track: Track, value: float | None) -> float:
     return never if value is None else value
 
 
-def _median_cycle(_: Track, robots: Robots) -> float:
+def _median_cycle(robots: Robots) -> float:
     every = np.concatenate([*_cycles(robots), np.empty(0)])
     return float(np.median(every)) if len(every) else math.nan
 
 
-def _near_walls(track: Track, robots: Robots) -> float:
-    places, floor_cm = robots.flashes.places_cm, np.array(track.geometry.floor_cm)
-    if not len(places) or not track.geometry.knows_floor:  # then places are relative to each other
+def _near_walls(robots: Robots) -> float:
+    places, geometry = robots.flashes.places_cm, robots.track.geometry
+    if not len(places) or not geometry.knows_floor:  # then places are relative to each other
         return math.nan
-    return float(np.mean(np.minimum(places, floor_cm - places).min(axis=1) <= NEAR_WALL_CM))
+    return float(np.mean(np.minimum(places, geometry.floor_cm - places).min(axis=1) <= NEAR_WALL_CM))
 
 
-def _slow(_: Track, robots: Robots) -> float:
+def _slow(robots: Robots) -> float:
     speeds = robots.flashes.speeds_cm_s
     return float(np.mean(speeds < robots.identities.speed_cm_s / 2)) if len(speeds) else math.nan
 
 
-QUANTITIES: dict[tuple[str, str], Callable[[Track, Robots], float]] = {
-    ("T_sync", "cycles"): lambda track, _: _within(track, track.t_sync_cycles),
-    ("T_sync by the histogram", "periods"): lambda track, _: _within(track, track.histogram_periods),
-    (FLASH, "ms"): lambda track, _: track.flash_ms,
+QUANTITIES: dict[tuple[str, str], Callable[[Robots], float]] = {
+    ("T_sync", "cycles"): lambda film: _within(film.track, film.track.t_sync_cycles),
+    ("T_sync by the histogram", "periods"): lambda film: _within(film.track, film.track.histogram_periods),
+    (FLASH, "ms"): lambda film: film.track.flash_ms,
     (CYCLE, "s"): _median_cycle,
-    ("speed straight ahead", "cm/s"): lambda _, robots: robots.identities.speed_cm_s,
+    ("speed straight ahead", "cm/s"): lambda film: film.identities.speed_cm_s,
     ("flashes of robots that turn or stand", "share"): _slow,
     (f"flashes within {NEAR_WALL_CM:g} cm of a wall", "share"): _near_walls,
-    ("half-width of clock rates", "share"): lambda track, robots: (
-        fit_film(track, robots).get("spread.clock_rate", UNDETERMINED).value
-    ),
+    ("half-width of clock rates", "share"): lambda film: fit_film(film).get("spread.clock_rate", UNDETERMINED).value,
 }
 """Quantities of films and trials, by name and unit: NaN if unknown, inf if beyond the film's end."""
 
@@ -359,13 +353,13 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
     return frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there
 
 
-def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> dict[str, Estimate]:
+def fitted_values(scenario: EmbodiedScenario, film: Robots) -> dict[str, Estimate]:
     """Return the values that a film determines, by the keys of a scenario.
 
     With several groups, a film does not show which group has which values: it determines only those of the camera.
     """
     known = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}
-    fitted = fit_film(track, robots, scenario.timing.step_ms / 1000)
+    fitted = fit_film(film, scenario.timing.step_ms / 1000)
     if len(scenario.robots) > 1:
         return {key: value for key, value in fitted.items() if key.startswith("overhead.")}
     return {key: value for key, value in fitted.items() if key in known or not key.startswith("robots.")}

@@ -36,6 +36,7 @@ Columns = dict[str, npt.NDArray[Any]]  # columns of equal length, by their names
 class Robots(NamedTuple):
     """The robots of a film, and the flashes of each."""
 
+    track: Track  # what is known of the film otherwise
     by: Literal["motion", "tags"]  # how they are identified
     flashes: FlashTable
     identities: Identities
@@ -43,6 +44,129 @@ class Robots(NamedTuple):
     poses: FloatArray | None
     """(frames, robots, 3) cm, cm, rad: x, y, heading by tags, NaN where none is read; None without tags."""
     warnings: tuple[str, ...]  # sentences about doubts
+
+    def phases(self, times_s: FloatArray) -> FloatArray:
+        """Return (times, robots) the phases of robots at some times, as shares of their cycles; NaN where not known.
+
+        A phase rises evenly from one flash of a robot to its next. It is unknown before the first flash, from a period
+        after the last one on, where flashes are missing, and by flashes that may have begun before the first frame.
+        """
+        onset_s, period_s = self.flashes.onset_s, self.track.period_s
+        shares, has_begun = np.full((len(times_s), len(self.numbers)), np.nan), onset_s > self.track.times_s[0]
+        for column, number in enumerate(self.numbers):
+            own_s = onset_s[has_begun & (self.identities.robot == number)]
+            if not len(own_s):
+                continue
+            cycle_s = np.append(np.diff(own_s), period_s)
+            begun = np.searchsorted(own_s, times_s, side="right") - 1
+            since_s, lasts_s = times_s - own_s[np.maximum(begun, 0)], cycle_s[np.maximum(begun, 0)]
+            is_known = (begun >= 0) & (lasts_s <= LONGEST * period_s) & (since_s < lasts_s)
+            shares[is_known, column] = (since_s / lasts_s)[is_known]
+        return shares
+
+    def pair_columns(self) -> Columns:
+        """Return a table with a row for each pair of robots, those that flash together most often first.
+
+        It has the flashes of the robot with fewer, how many of these overlap with the other's, and their share.
+        """
+        whose, flashes, found = self.identities.robot, self.flashes, []
+        spans = {each: (flashes.onset_s[whose == each], flashes.end_s[whose == each]) for each in self.numbers.tolist()}
+        for one, two in combinations(spans, 2):
+            few, many = sorted((spans[one], spans[two]), key=lambda span: len(span[0]))
+            begun = np.searchsorted(many[0], few[1])  # flashes of the other that begin before each ends
+            over = np.searchsorted(many[1], few[0], side="right")  # and those that end before it begins
+            found.append((one, two, len(few[0]), np.count_nonzero(begun > over)))
+        robot, other, number, together = np.array(found, np.int64).reshape(-1, 4).T
+        share = together / np.maximum(number, 1)
+        table = {"robot": robot, "other": other, "flashes": number, "together": together, "share": share}
+        order = np.argsort(-share, kind="stable")
+        return {name: column[order] for name, column in table.items()}
+
+    def summary(self) -> dict[str, Any]:
+        """Return the robots as the numbers and texts of a JSON object."""
+        least = self.track.options.order_parameter or ORDER_PARAMETER
+        in_order_s = self.flashes.onset_s[np.nan_to_num(order_of_shares(self.phases(self.flashes.onset_s))) >= least]
+        after_s = float(in_order_s[0]) - self.track.start_s if len(in_order_s) else None
+        return {
+            "by": self.by,
+            "robots": self.numbers.tolist(),
+            "links": int(np.count_nonzero(~np.isnan(self.identities.certainty))),
+            "unsure_share": self.identities.unsure,
+            "flashes_of_no_robot": int(np.count_nonzero(self.identities.robot < 0)),
+            "by_phases_s": after_s,
+            "by_phases_periods": None if after_s is None else after_s / self.track.period_s,
+            "pairs_together": int(np.count_nonzero(self.pair_columns()["share"] >= TOGETHER)),
+            "warnings": list(self.warnings),
+        }
+
+    def flash_columns(self) -> Columns:
+        """Return a table with a row for each flash: its time, duration, place and robot, and how certain that is."""
+        flashes, who, span_s = self.flashes, self.identities, (self.track.times_s[0], self.track.times_s[-1])
+        order, _ = order_over_time(flashes.onset_s, self.track.period_s)
+        return {
+            "onset_s": flashes.onset_s,
+            "duration_s": flashes.end_s - flashes.onset_s,
+            "x_cm": flashes.places_cm[:, 0],
+            "y_cm": flashes.places_cm[:, 1],
+            "light": flashes.light,
+            "order_parameter": np.where(is_filmed(flashes.onset_s, self.track.period_s, span_s), order, np.nan),
+            "robot": who.robot,
+            "cycle": who.cycle,
+            "certainty": who.certainty,
+            "phase_order_parameter": order_of_shares(self.phases(self.flashes.onset_s)),
+        }
+
+    def trace_columns(self) -> Columns:
+        """Return a table with a row for each robot in each frame; traces of simulations have these columns, too."""
+        times_s, flashes, spans = self.track.times_s, self.flashes, self.flashes.frames(self.track.times_s)
+        poses = np.full((len(times_s), len(self.numbers), 3), np.nan) if self.poses is None else self.poses.copy()
+        unread, is_lit = np.isnan(poses[..., 0]), np.zeros(poses.shape[:2], bool)
+        for index in np.flatnonzero(self.identities.robot >= 0):
+            column, span = np.searchsorted(self.numbers, self.identities.robot[index]), slice(*spans[index])
+            since_s = times_s[span] - times_s[span].mean()
+            seen_cm = flashes.places_cm[index] + since_s[:, None] * flashes.velocities_cm_s[index]
+            poses[span, column, :2] = np.where(unread[span, column, None], seen_cm, poses[span, column, :2])
+            is_lit[span, column] = True
+        shares = self.phases(times_s)
+        return {
+            "time_s": np.repeat(times_s, len(self.numbers)),
+            "robot": np.tile(self.numbers, len(times_s)),
+            **{name: poses[..., axis].ravel() for axis, name in enumerate(("x_cm", "y_cm", "heading_rad"))},
+            "ring_on": is_lit.ravel(),
+            "phase_ms": 1000 * self.track.period_s * shares.ravel(),
+        }
+
+    def save(self, flashes: Path | None, trace: Path | None, pairs: Path | None) -> None:
+        """Write the tables whose paths are given; raise EpuckSimError where one cannot be written."""
+        metadata = {"film": self.track.film, "versions": json.dumps(versions())}
+        for path, columns in ((flashes, self.flash_columns), (trace, self.trace_columns), (pairs, self.pair_columns)):
+            if path is not None:
+                write_table(path, columns(), metadata)
+
+
+def order_of_shares(shares: FloatArray) -> FloatArray:
+    """Return (times,) order parameters (eq. 4.2) of (times, robots) phases; NaN where too few are known."""
+    known = ~np.isnan(shares)
+    number = known.sum(axis=1)
+    total = np.where(known, np.exp(2j * np.pi * np.nan_to_num(shares)), 0.0).sum(axis=1)
+    is_enough = number >= max(2.0, MOST_KNOWN * shares.shape[1])
+    return np.asarray(np.where(is_enough, np.abs(total) / np.maximum(number, 1), np.nan))
+
+
+def write_table(path: Path, columns: Columns, metadata: Mapping[str, str]) -> None:
+    """Write columns as CSV, or as Parquet with metadata; NaN is empty in one and null in the other."""
+    with atomic_write(path) as part:
+        if path.suffix == ".parquet":
+            import pyarrow as pa  # noqa: PLC0415 is for Parquet alone
+            from pyarrow import parquet  # noqa: PLC0415
+
+            table = pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
+            with part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
+                parquet.write_table(table.replace_schema_metadata(dict(metadata)), file, compression="zstd")
+            return
+        kinds = ("{:.6f}".format if name in TIMES else csv_cell for name in columns)  # microseconds in long films, too
+        cells = (map(kind, column.tolist()) for kind, column in zip(kinds, columns.values(), strict=True))
+        part.write_text(csv_text(columns, zip(*cells, strict=True)), encoding="utf-8", newline="")
 
 
 def find_robots(track: Track) -> Robots:
@@ -61,7 +185,7 @@ def find_robots(track: Track) -> Robots:
         warnings.append(
             f"flashes are linked to {identities.robots} robots, but there are {expected}: lost ones are counted anew"
         )
-    return Robots("motion", flashes, identities, np.arange(identities.robots), None, tuple(warnings))
+    return Robots(track, "motion", flashes, identities, np.arange(identities.robots), None, tuple(warnings))
 
 
 def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
@@ -96,7 +220,7 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     certainty = np.where(cycle > 1, 1.0, np.nan)  # links by tags are certain
     speed_cm_s = commonest_speed(flashes.speeds_cm_s) if len(robot) else 0.0
     identities = Identities(robot, cycle, certainty, speed_cm_s)
-    return Robots("tags", flashes, identities, numbers, poses, tuple(warnings))
+    return Robots(track, "tags", flashes, identities, numbers, poses, tuple(warnings))
 
 
 def _only_expected(readings: Readings, expected: frozenset[int] | None, frames: int, warnings: list[str]) -> Readings:
@@ -133,148 +257,3 @@ def _poses_at(times_s: FloatArray, own: Readings) -> FloatArray:
     padded_s = np.concatenate([own.time_s[:1], own.time_s, own.time_s[-1:]])
     poses[padded_s[after + 1] - padded_s[before] > MAX_GAP_S] = np.nan
     return poses
-
-
-def phase_shares(
-    onset_s: FloatArray, robot: IntArray, robots: IntArray, times_s: FloatArray, period_s: float
-) -> FloatArray:
-    """Return (times, robots) the phases of robots at some times, as shares of their cycles; NaN where not known.
-
-    A phase rises evenly from one flash of a robot to its next. It is unknown before the first flash, from a period
-    after the last one on, and where flashes are missing. `onset_s`, ascending, and `robot` are (flashes,).
-    """
-    shares = np.full((len(times_s), len(robots)), np.nan)
-    for column, number in enumerate(robots):
-        own_s = onset_s[robot == number]
-        if not len(own_s):
-            continue
-        cycle_s = np.append(np.diff(own_s), period_s)
-        begun = np.searchsorted(own_s, times_s, side="right") - 1
-        since_s = times_s - own_s[np.maximum(begun, 0)]
-        lasts_s = cycle_s[np.maximum(begun, 0)]
-        is_known = (begun >= 0) & (lasts_s <= LONGEST * period_s) & (since_s < lasts_s)
-        shares[is_known, column] = (since_s / lasts_s)[is_known]
-    return shares
-
-
-def order_of_shares(shares: FloatArray) -> FloatArray:
-    """Return (times,) order parameters (eq. 4.2) of (times, robots) phases; NaN where too few are known."""
-    known = ~np.isnan(shares)
-    number = known.sum(axis=1)
-    total = np.where(known, np.exp(2j * np.pi * np.nan_to_num(shares)), 0.0).sum(axis=1)
-    is_enough = number >= max(2.0, MOST_KNOWN * shares.shape[1])
-    return np.asarray(np.where(is_enough, np.abs(total) / np.maximum(number, 1), np.nan))
-
-
-def pair_columns(_: Track, robots: Robots) -> Columns:
-    """Return a table with a row for each pair of robots, those that flash together most often first.
-
-    It has the number of flashes of the robot with fewer, how many of these overlap with the other's, and their share.
-    """
-    whose, flashes, found = robots.identities.robot, robots.flashes, []
-    spans = {each: (flashes.onset_s[whose == each], flashes.end_s[whose == each]) for each in robots.numbers.tolist()}
-    for one, two in combinations(spans, 2):
-        few, many = sorted((spans[one], spans[two]), key=lambda span: len(span[0]))
-        begun = np.searchsorted(many[0], few[1])  # flashes of the other that begin before each ends
-        over = np.searchsorted(many[1], few[0], side="right")  # and those that end before it begins
-        found.append((one, two, len(few[0]), np.count_nonzero(begun > over)))
-    robot, other, number, together = np.array(found, np.int64).reshape(-1, 4).T
-    share = together / np.maximum(number, 1)
-    table = {"robot": robot, "other": other, "flashes": number, "together": together, "share": share}
-    order = np.argsort(-share, kind="stable")
-    return {name: column[order] for name, column in table.items()}
-
-
-def summary(track: Track, robots: Robots) -> dict[str, Any]:
-    """Return the robots as the numbers and texts of a JSON object."""
-    least = track.options.order_parameter or ORDER_PARAMETER
-    in_order_s = robots.flashes.onset_s[np.nan_to_num(_order(track, robots)) >= least]
-    after_s = float(in_order_s[0]) - track.start_s if len(in_order_s) else None
-    return {
-        "by": robots.by,
-        "robots": robots.numbers.tolist(),
-        "links": int(np.count_nonzero(~np.isnan(robots.identities.certainty))),
-        "unsure_share": robots.identities.unsure,
-        "flashes_of_no_robot": int(np.count_nonzero(robots.identities.robot < 0)),
-        "by_phases_s": after_s,
-        "by_phases_periods": None if after_s is None else after_s / track.period_s,
-        "pairs_together": int(np.count_nonzero(pair_columns(track, robots)["share"] >= TOGETHER)),
-        "warnings": list(robots.warnings),
-    }
-
-
-def flash_columns(track: Track, robots: Robots) -> Columns:
-    """Return a table with a row for each flash: its time, duration and place, its robot, and how certain that is."""
-    flashes, who, span_s = robots.flashes, robots.identities, (track.times_s[0], track.times_s[-1])
-    order, _ = order_over_time(flashes.onset_s, track.period_s)
-    return {
-        "onset_s": flashes.onset_s,
-        "duration_s": flashes.end_s - flashes.onset_s,
-        "x_cm": flashes.places_cm[:, 0],
-        "y_cm": flashes.places_cm[:, 1],
-        "light": flashes.light,
-        "order_parameter": np.where(is_filmed(flashes.onset_s, track.period_s, span_s), order, np.nan),
-        "robot": who.robot,
-        "cycle": who.cycle,
-        "certainty": who.certainty,
-        "phase_order_parameter": _order(track, robots),
-    }
-
-
-def trace_columns(track: Track, robots: Robots) -> Columns:
-    """Return a table with a row for each robot in each frame; traces of simulations have these columns, too."""
-    times_s, flashes, spans = track.times_s, robots.flashes, robots.flashes.frames(track.times_s)
-    poses = np.full((len(times_s), len(robots.numbers), 3), np.nan) if robots.poses is None else robots.poses.copy()
-    unread, is_lit = np.isnan(poses[..., 0]), np.zeros(poses.shape[:2], bool)
-    for index in np.flatnonzero(robots.identities.robot >= 0):
-        column, span = np.searchsorted(robots.numbers, robots.identities.robot[index]), slice(*spans[index])
-        since_s = times_s[span] - times_s[span].mean()
-        seen_cm = flashes.places_cm[index] + since_s[:, None] * flashes.velocities_cm_s[index]
-        poses[span, column, :2] = np.where(unread[span, column, None], seen_cm, poses[span, column, :2])
-        is_lit[span, column] = True
-    shares = _phases(track, robots, times_s)
-    return {
-        "time_s": np.repeat(times_s, len(robots.numbers)),
-        "robot": np.tile(robots.numbers, len(times_s)),
-        **{name: poses[..., axis].ravel() for axis, name in enumerate(("x_cm", "y_cm", "heading_rad"))},
-        "ring_on": is_lit.ravel(),
-        "phase_ms": 1000 * track.period_s * shares.ravel(),
-    }
-
-
-def save_robots(
-    track: Track, robots: Robots, flashes: Path | None, trace: Path | None, pairs_file: Path | None
-) -> None:
-    """Write the tables whose paths are given; raise EpuckSimError where one cannot be written."""
-    for path, columns in ((flashes, flash_columns), (trace, trace_columns), (pairs_file, pair_columns)):
-        if path is not None:
-            write_table(path, columns(track, robots), {"film": track.film, "versions": json.dumps(versions())})
-
-
-def _phases(track: Track, robots: Robots, times_s: FloatArray) -> FloatArray:
-    """Return (times, robots) phases, see `phase_shares`, without flashes that may have begun before the first frame."""
-    onsets_s = robots.flashes.onset_s
-    has_begun = onsets_s > track.times_s[0]
-    whose = robots.identities.robot[has_begun]
-    return phase_shares(onsets_s[has_begun], whose, robots.numbers, times_s, track.period_s)
-
-
-def _order(track: Track, robots: Robots) -> FloatArray:
-    """Return (flashes,) order parameters of the robots' phases at each onset."""
-    return order_of_shares(_phases(track, robots, robots.flashes.onset_s))
-
-
-def write_table(path: Path, columns: Columns, metadata: Mapping[str, str]) -> None:
-    """Write columns as CSV, or as Parquet with metadata; NaN is empty in one and null in the other."""
-    with atomic_write(path) as part:
-        if path.suffix == ".parquet":
-            import pyarrow as pa  # noqa: PLC0415 is for Parquet alone
-            from pyarrow import parquet  # noqa: PLC0415
-
-            table = pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
-            with part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
-                parquet.write_table(table.replace_schema_metadata(dict(metadata)), file, compression="zstd")
-            return
-        kinds = ("{:.6f}".format if name in TIMES else csv_cell for name in columns)  # microseconds in long films, too
-        cells = (map(kind, column.tolist()) for kind, column in zip(kinds, columns.values(), strict=True))
-        part.write_text(csv_text(columns, zip(*cells, strict=True)), encoding="utf-8", newline="")

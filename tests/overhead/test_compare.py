@@ -114,20 +114,21 @@ def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> N
 
 
 def test_a_trial_is_tracked_as_if_it_were_filmed_and_told_the_number_of_robots_if_the_film_is() -> None:
-    track, robots = track_trial(SCENARIO, 5, FILM)
+    robots = track_trial(SCENARIO, 5, FILM)
+    track = robots.track
     assert len(track.times_s) == pytest.approx(24 * 15, abs=1)
     assert track.robots_seen <= 4
     assert track.flashes_per_period == pytest.approx(4, abs=0.6)
     assert track.flash_ms == pytest.approx(200, abs=20)  # two control steps
     assert robots.identities.robots == 4
     assert robots.identities.speed_cm_s == pytest.approx(1.5, rel=0.03)
-    assert track_trial(SCENARIO, 5, FILM)[0].flashes == track.flashes
-    assert track_trial(SCENARIO, 6, FILM)[0].flashes != track.flashes
+    assert track_trial(SCENARIO, 5, FILM).track.flashes == track.flashes
+    assert track_trial(SCENARIO, 6, FILM).track.flashes != track.flashes
     slower = load_scenario(SCENARIO, ["schedule=[{at_cycle: 1, set: {robots.0.parameters.speed_cm_s: 0.5}}]"])
-    assert track_trial(slower, 5, FILM)[1].identities.speed_cm_s == pytest.approx(0.5, rel=0.1)
+    assert track_trial(slower, 5, FILM).identities.speed_cm_s == pytest.approx(0.5, rel=0.1)
     for told, expected in ((None, None), (9, 4)):
         film = FILM._replace(options=FILM.options._replace(robots=told, corners_px=((0.0, 0.0),) * 4))
-        track, _ = track_trial(SCENARIO, 5, film)
+        track = track_trial(SCENARIO, 5, film).track
         assert track.options == film.options._replace(robots=expected)
         assert track.confidence != "none"
 
@@ -135,31 +136,31 @@ def test_a_trial_is_tracked_as_if_it_were_filmed_and_told_the_number_of_robots_i
 @pytest.mark.parametrize(("period_s", "doubted"), [(2.0, False), (1.8, True), (2.4, True)])
 def test_a_wrong_period_or_clock_is_doubted_of_a_swarm_that_is_never_in_step(period_s: float, doubted: bool) -> None:
     film = FILM._replace(options=FILM.options._replace(period_s=period_s, robots=4))
-    track, _ = track_trial(load_scenario(SCENARIO, ["robots.0.parameters.coupling=0"]), 5, film)
+    track = track_trial(load_scenario(SCENARIO, ["robots.0.parameters.coupling=0"]), 5, film).track
     assert track.t_sync_s is None
     assert any(f"robots flash every 2 s, not every {period_s:g} s" in each for each in track.warnings) == doubted
 
 
 def test_a_film_of_the_scenario_itself_is_like_its_trials() -> None:
-    film, robots = track_trial(SCENARIO, 12345, FILM)
-    rows = compare_film(film, robots, SCENARIO, 6, lambda trials: trials)
+    film = track_trial(SCENARIO, 12345, FILM)
+    rows = compare_film(film, SCENARIO, 6, lambda trials: trials)
     assert [row[:2] for row in rows] == list(QUANTITIES)
     by_name = {row.name: row for row in rows}
     speeds = by_name["speed straight ahead"]
     assert speeds.film == pytest.approx(np.median(speeds.trials), rel=0.02)
     assert all(len(row.trials) == 6 for row in rows)
     fast = load_scenario(SCENARIO, ["robots.0.parameters.speed_cm_s=3"])
-    other = compare_film(film, robots, fast, 2, lambda trials: trials)
+    other = compare_film(film, fast, 2, lambda trials: trials)
     assert next(row for row in other if row.name == "speed straight ahead").percentile == 0
-    aside = film._replace(geometry=film.geometry._replace(knows_floor=False))
+    aside = film._replace(track=film.track._replace(geometry=film.track.geometry._replace(knows_floor=False)))
     measured = QUANTITIES["flashes within 5 cm of a wall", "share"]
-    assert (measured(film, robots) > 0, math.isnan(measured(aside, robots))) == (True, True)
+    assert (measured(film) > 0, math.isnan(measured(aside))) == (True, True)
 
 
 def test_robots_of_several_groups_are_not_fitted_none_is_faster_than_its_wheels_and_equal_values_have_a_mean(tmp_path):
-    film, robots = track_trial(SCENARIO, 1, FILM)
+    film = track_trial(SCENARIO, 1, FILM)
     both = load_scenario({"robots": [{"count": 2}, {"count": 3}]})
-    assert compare.fitted_values(both, film, robots).keys() == {"overhead.frames_per_s"}
+    assert compare.fitted_values(both, film).keys() == {"overhead.frames_per_s"}
     fast = {"robots.0.parameters.speed_cm_s": Estimate(12.9, 12.5, 13.3)}
     compare.save_fitted(tmp_path / "fast.yaml", SCENARIO, fast, "film.mp4")
     assert load_scenario(tmp_path / "fast.yaml").robots[0].parameters["speed_cm_s"] == 12.8
@@ -170,13 +171,13 @@ def test_robots_of_several_groups_are_not_fitted_none_is_faster_than_its_wheels_
 
 def test_robots_of_trials_are_told_apart_by_tags_where_those_of_the_film_are() -> None:
     mixed = load_scenario(SCENARIO, ["robots.0.count=8", "robots.0.parameters.speed_cm_s=12"])
-    by_motion, by_tags = (track_trial(mixed, 5, film)[1] for film in (FILM, TAGGED))
+    by_motion, by_tags = (track_trial(mixed, 5, film) for film in (FILM, TAGGED))
     assert by_motion.identities.unsure > 0.2
     assert (by_tags.by, by_tags.identities.unsure) == ("tags", 0)
     assert by_tags.numbers.tolist() == list(range(8))
     assert (by_tags.identities.robot >= 0).all()
-    film, robots = track_trial(mixed, 6, TAGGED)
-    rows = compare_film(film, robots, mixed, 2, lambda trials: trials)
+    film = track_trial(mixed, 6, TAGGED)
+    rows = compare_film(film, mixed, 2, lambda trials: trials)
     clocks = next(row for row in rows if row.name == "half-width of clock rates")
     assert clocks.unknown == 0
 
@@ -185,7 +186,7 @@ def test_robots_that_leave_while_they_are_lit_are_nowhere() -> None:
     leaves = [{"at_s": 5 + number / 10, "remove": [number]} for number in range(1, 4)]  # robot 0 is the reference
     scenario = load_scenario(SCENARIO, [f"schedule={leaves}"])
     for seed in range(6):
-        track, _ = track_trial(scenario, seed, FILM)
+        track = track_trial(scenario, seed, FILM).track
         assert (track.counts[track.times_s > 6] <= 1).all()
         assert not np.isnan(track.flashes).any()
 
@@ -218,7 +219,7 @@ def test_intervals_hold_what_is_true(seed: int, clock_rate: float, wheel_speed: 
     track = track_of(seed, clock_rate, 0.4, wheel_speed)
     robots = find_robots(track)
     assert robots.identities.unsure == 0
-    fitted = fit_film(track, robots)
+    fitted = fit_film(robots)
     truth = {
         "robots.0.parameters.speed_cm_s": 0.4,
         "spread.wheel_speed": wheel_speed,
@@ -233,7 +234,7 @@ def test_intervals_hold_what_is_true(seed: int, clock_rate: float, wheel_speed: 
     assert fitted["robots.0.parameters.period_s"].high - fitted["robots.0.parameters.period_s"].low < 0.08
     assert (fitted["spread.clock_rate"].low > 0) == (clock_rate > 0)
     assert (fitted["spread.wheel_speed"].low > 0) == (wheel_speed > 0)
-    flash, by_steps = (found["robots.0.parameters.flash_fraction"] for found in (fitted, fit_film(track, robots, 0.1)))
+    flash, by_steps = (found["robots.0.parameters.flash_fraction"] for found in (fitted, fit_film(robots, 0.1)))
     off = (flash.value - by_steps.value) * fitted["robots.0.parameters.period_s"].value
     assert (off, by_steps.high) == (pytest.approx(0.05), flash.high)
     assert by_steps.low < flash.low
@@ -243,22 +244,22 @@ def test_robots_mixed_up_tell_no_differences_coupled_ones_no_period_and_those_th
     track = track_of(0, 0.01, 0.4, 0.08)
     robots = find_robots(track)
     unsure = robots._replace(identities=robots.identities._replace(certainty=np.full(len(track.flashes), 0.6)))
-    told = fit_film(track, unsure).keys()
+    told = fit_film(unsure).keys()
     assert told == {"robots.0.parameters.speed_cm_s", "robots.0.parameters.flash_fraction", "overhead.frames_per_s"}
     track = track_of(0, cycles=60)  # coupled, so that hardly any cycle is a robot's own
     generator = np.random.default_rng(0)
     early = [flash._replace(onset_s=flash.onset_s - generator.uniform(0, 1.2)) for flash in track.flashes]
     track = track._replace(flashes=tuple(sorted(early)))
-    fitted = fit_film(track, find_robots(track))
+    fitted = fit_film(find_robots(track))
     assert "robots.0.parameters.period_s" not in fitted
     assert "spread.clock_rate" not in fitted
     track = track_of(0)
-    still = fit_film(track, find_robots(track))
+    still = fit_film(find_robots(track))
     assert not still.keys() & {"robots.0.parameters.speed_cm_s", "spread.wheel_speed"}
     generator = np.random.default_rng(0)
     shaken = (flash._replace(x_cm_s=0.02 * generator.standard_normal()) for flash in track.flashes)
     moved = track._replace(flashes=tuple(shaken))
-    assert "spread.wheel_speed" not in fit_film(moved, find_robots(moved))
+    assert "spread.wheel_speed" not in fit_film(find_robots(moved))
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.2))

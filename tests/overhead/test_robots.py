@@ -12,17 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.order_parameter import order_parameter
 from epuck_sim.overhead import identities
-from epuck_sim.overhead import robots as tables
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable
 from epuck_sim.overhead.identities import SURE, Habits, commonest_speed, link_flashes, ways_between
 from epuck_sim.overhead.render import ExposureSample
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.robots import find_robots, flash_columns, pair_columns, summary, trace_columns
+from epuck_sim.overhead.robots import Robots, find_robots, order_of_shares
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.track import Track
 from tests.overhead.cameras import make_renderer
@@ -203,16 +202,16 @@ def test_flashes_are_those_of_the_tags_above_them() -> None:
     robots = find_robots(tracked._replace(tags=read(without=dark)))
     assert robots.warnings == ()  # the last flash may be one frame of a flash
     assert robots.numbers.tolist() == [4, 7]
-    table = flash_columns(tracked, robots)
+    table = robots.flash_columns()
     assert table["robot"].tolist() == [4, 7, 4, 4, -1]
     assert table["cycle"].tolist() == [1, 1, 2, 3, 1]
     assert table["certainty"] == pytest.approx([np.nan, np.nan, 1, 1, np.nan], nan_ok=True)
-    trace = trace_columns(tracked, robots)
+    trace = robots.trace_columns()
     own = {name: column[trace["robot"] == 7] for name, column in trace.items()}
     assert own["x_cm"] == pytest.approx(15 + TIMES)  # also where it was not read
     assert own["heading_rad"] == pytest.approx(3.1 + 0.1 * TIMES)
     assert own["ring_on"].sum() == 3
-    assert summary(tracked, robots)["by"] == "tags"
+    assert robots.summary()["by"] == "tags"
 
 
 def test_where_a_tag_is_unread_for_long_or_seen_twice_it_is_not_known_where_the_robot_is_and_said() -> None:
@@ -273,7 +272,7 @@ def test_flashes_have_their_velocity() -> None:
 
 def test_a_trace_tells_what_is_seen_until_the_last_frame_and_leaves_out_what_is_not() -> None:
     track = track_of([0.1, 0.4, 0.7])
-    table = trace_columns(track, find_robots(track))
+    table = find_robots(track).trace_columns()
     assert list(table) == ["time_s", "robot", "x_cm", "y_cm", "heading_rad", "ring_on", "phase_ms"]
     assert len({len(column) for column in table.values()}) == 1
     own = {name: column[table["robot"] == 1] for name, column in table.items()}
@@ -291,7 +290,7 @@ def test_a_trace_tells_what_is_seen_until_the_last_frame_and_leaves_out_what_is_
     last_s = float(track.times_s[-1])
     late = Flash(last_s, last_s, 30.0, 45.0, 80.0)
     track = track._replace(flashes=(*(flash for flash in track.flashes if flash.onset_s < last_s - 0.5), late))
-    table = trace_columns(track, find_robots(track))
+    table = find_robots(track).trace_columns()
     is_last = table["time_s"] == last_s
     assert table["ring_on"][is_last].sum() == 1
     assert table["y_cm"][is_last & table["ring_on"]] == pytest.approx(45)
@@ -300,32 +299,32 @@ def test_a_trace_tells_what_is_seen_until_the_last_frame_and_leaves_out_what_is_
 def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
     track = track_of([0.5, 0.5, 0.52])
     robots = find_robots(track)
-    table = flash_columns(track, robots)
+    table = robots.flash_columns()
     assert table["robot"].tolist()[:3] == [0, 1, 2]
     assert np.isnan(table["order_parameter"]).tolist() == [False] * 15 + [True] * 3  # the film ends before its period
     assert sorted(table["cycle"].tolist()) == sorted([*range(1, CYCLES + 1)] * 3)
     assert np.isnan(table["certainty"]).sum() == 3
     assert np.nanmin(table["certainty"]) > 0.95
     assert table["phase_order_parameter"][-1] == pytest.approx(np.abs(np.exp(2j * np.pi * 0.02) + 2) / 3, abs=1e-6)
-    found = summary(track._replace(start_s=0.1), robots)
+    found = robots._replace(track=track._replace(start_s=0.1)).summary()
     assert (found["by"], found["robots"], found["links"], found["unsure_share"]) == ("motion", [0, 1, 2], 15, 0)
     assert found["by_phases_s"] == pytest.approx(0.42)
     assert found["pairs_together"] == 3
     apart = track_of([0.1, 0.1, 0.3])  # with an order parameter of 0.832
     for asked, is_met in ((None, False), (0.83, True), (0.84, False)):
         track = apart._replace(options=apart.options._replace(order_parameter=asked))
-        assert (summary(track, find_robots(track))["by_phases_s"] is not None) == is_met
-    assert pair_columns(track, robots)["share"].tolist() == [1, 1, 1]
+        assert (find_robots(track).summary()["by_phases_s"] is not None) == is_met
+    assert robots.pair_columns()["share"].tolist() == [1, 1, 1]
 
 
 def test_flashes_that_the_first_frame_shows_tell_no_phases() -> None:
     track = track_of([0.0, 0.0, 0.0])
     robots = find_robots(track)
-    phases_ms = trace_columns(track, robots)["phase_ms"].reshape(-1, 3)
+    phases_ms = robots.trace_columns()["phase_ms"].reshape(-1, 3)
     assert np.isnan(phases_ms[track.times_s < 1]).all()
     assert phases_ms[track.times_s == 1.5] == pytest.approx(500)
-    assert np.isnan(flash_columns(track, robots)["phase_order_parameter"]).tolist() == [True] * 3 + [False] * 15
-    assert summary(track, robots)["by_phases_s"] == pytest.approx(1)
+    assert np.isnan(robots.flash_columns()["phase_order_parameter"]).tolist() == [True] * 3 + [False] * 15
+    assert robots.summary()["by_phases_s"] == pytest.approx(1)
 
 
 def test_what_is_doubtful_is_said() -> None:
@@ -343,9 +342,9 @@ def test_what_is_doubtful_is_said() -> None:
 def test_tables_are_written_as_csv_and_as_parquet_alike(tmp_path: Path) -> None:
     track = track_of([0.1, 0.4, 0.7])
     robots = find_robots(track)
-    tables.save_robots(track, robots, tmp_path / "f.csv", tmp_path / "t.parquet", tmp_path / "p.csv")
-    tables.save_robots(track, robots, tmp_path / "f.parquet", tmp_path / "t.csv", None)
-    for name, expected in (("f", flash_columns(track, robots)), ("t", trace_columns(track, robots))):
+    robots.save(tmp_path / "f.csv", tmp_path / "t.parquet", tmp_path / "p.csv")
+    robots.save(tmp_path / "f.parquet", tmp_path / "t.csv", None)
+    for name, expected in (("f", robots.flash_columns()), ("t", robots.trace_columns())):
         table = pq.read_table(tmp_path / f"{name}.parquet")
         with (tmp_path / f"{name}.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))
@@ -363,24 +362,29 @@ def test_a_film_without_flashes_has_no_robots_and_gives_tables_without_rows(tmp_
     assert link_flashes(table((1, 30, 30, 0, 0)), PERIOD_S, FLOOR_CM).robot.tolist() == [0]
     track = TRACK._replace(flashes=())
     robots = find_robots(track)
-    assert isinstance(robots, tables.Robots)
     for ending in ("csv", "parquet"):
-        for name, columns in (("f", flash_columns), ("t", trace_columns), ("p", pair_columns)):
-            tables.write_table(tmp_path / f"{name}.{ending}", columns(track, robots), {})
+        robots.save(*(tmp_path / f"{name}.{ending}" for name in "ftp"))
     assert (tmp_path / "t.csv").read_text() == "time_s,robot,x_cm,y_cm,heading_rad,ring_on,phase_ms\n"
-    assert summary(track, robots)["by_phases_s"] is None
+    assert robots.summary()["by_phases_s"] is None
+
+
+def robots_of(onsets_s: FloatArray, whose: IntArray, count: int, start_s: float = 0.0) -> Robots:
+    """Return robots with flashes of 0.1 s and a period of 1 s, in a film that begins at a time."""
+    flashes = FlashTable.of([Flash(onset_s, onset_s + 0.1, 0.0, 0.0, 9.0) for onset_s in onsets_s])
+    who = identities.Identities(whose, whose, onsets_s, 1.0)
+    return Robots(TRACK._replace(times_s=start_s + TIMES), "tags", flashes, who, np.arange(count), None, ())
 
 
 def test_phases_rise_from_flash_to_flash_and_the_order_parameter_is_theirs() -> None:
     onsets, robot = np.array([0.0, 0.5, 1.0, 1.4, 2.0, 2.4, 4.0]), np.array([0, 1, 0, 1, 0, 1, 0])
     times, nan = np.array([0.0, 0.25, 0.5, 0.95, 2.2, 2.5, 3.0, 4.5, 5.5]), np.nan
-    shares = tables.phase_shares(onsets, robot, np.array([0, 1, 2]), times, 1.0)
+    shares = robots_of(onsets, robot, 3, start_s=-1.0).phases(times)
     assert np.isnan(shares[:, 2]).all()  # it never flashes
     # robot 0 was not seen for two periods from 2.0 on; robot 1 flashed early, and last at 2.4
     assert shares[:, 0] == pytest.approx([0, 0.25, 0.5, 0.95, nan, nan, nan, 0.5, nan], nan_ok=True)
     assert shares[:, 1] == pytest.approx([nan, nan, 0, 0.5, 0.8, 0.1, 0.6, nan, nan], nan_ok=True)
     shares = np.array([[0.1, 0.2, 0.3, 0.9], [0.5, 0.5, 0.5, nan], [0.5, 0.5, nan, nan]])
-    order = tables.order_of_shares(shares)
+    order = order_of_shares(shares)
     assert order[0] == pytest.approx(float(order_parameter(shares[0], 1.0)))
     assert order[1] == pytest.approx(1)  # three of four are enough
     assert np.isnan(order[2])
@@ -388,10 +392,7 @@ def test_phases_rise_from_flash_to_flash_and_the_order_parameter_is_theirs() -> 
 
 def test_pairs_are_those_whose_flashes_overlap() -> None:
     onsets = np.array([0.0, 0.05, 0.5, 1.0, 1.2, 1.5, 2.0, 2.05])
-    flashes = FlashTable.of([Flash(onset, onset + 0.1, 0.0, 0.0, 9.0) for onset in onsets])
-    whose = np.array([0, 1, 2, 0, 1, 2, 0, 1])
-    robots = tables.Robots("tags", flashes, identities.Identities(whose, whose, onsets, 1.0), np.arange(4), None, ())
-    table = pair_columns(TRACK, robots)
+    table = robots_of(onsets, np.array([0, 1, 2, 0, 1, 2, 0, 1]), 4).pair_columns()
     pairs = list(zip(table["robot"].tolist(), table["other"].tolist(), strict=True))
     assert pairs == [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
     assert (table["flashes"][0], table["together"].tolist()) == (3, [2, 0, 0, 0, 0, 0])

@@ -136,7 +136,7 @@ def test_a_film_that_ends_as_run_says_t_sync_is_too_short_to_tell(seed: int) -> 
     scenario = load_scenario("thesis")
     end_s = run_trial(simulate(scenario, seed)).simulated_s
     film = TRACK._replace(fps=15.0, duration_s=end_s, options=TrackOptions(period_s=5.0, robots=10))
-    track, _ = track_trial(scenario, seed, film)
+    track = track_trial(scenario, seed, film).track
     assert (track.t_sync_s, track.confidence, "ends too early to tell" in track.reasons[0]) == (None, "none", True)
 
 
