@@ -368,11 +368,12 @@ def _shown_period_s(evidence: Evidence) -> float:
             return shown_s
     since_s = onsets_s[onsets_s >= (math.inf if evidence.in_order_s is None else evidence.in_order_s)]
     together_s = np.diff(since_s[np.diff(since_s, prepend=-math.inf) > period_s / 4])
-    who = link_flashes(evidence.flashes, period_s, evidence.counted.geometry.floor_cm)
-    own = [who.robot == number for number in range(who.robots)]
-    cycles_s = np.concatenate([np.diff(onsets_s[each])[who.certainty[each][1:] >= SURE] for each in own])
-    kinds = ((together_s, 0.5, ENOUGH_RECURRENCES), (cycles_s, LONGEST_CYCLES, ENOUGH_CYCLES))
-    shown = [float(np.quantile(times_s, share)) for times_s, share, enough in kinds if len(times_s) >= enough]
+    shown = [float(np.quantile(together_s, 0.5))] if len(together_s) >= ENOUGH_RECURRENCES else []
+    if not any(abs(shown_s / period_s - 1) <= OTHER_PERIOD for shown_s in shown):  # telling robots apart takes a while
+        who = link_flashes(evidence.flashes, period_s, evidence.counted.geometry.floor_cm)
+        own = [who.robot == number for number in range(who.robots)]
+        cycles_s = np.concatenate([np.diff(onsets_s[each])[who.certainty[each][1:] >= SURE] for each in own])
+        shown += [float(np.quantile(cycles_s, LONGEST_CYCLES))] if len(cycles_s) >= ENOUGH_CYCLES else []
     return min(shown, key=lambda shown_s: abs(shown_s - period_s), default=period_s)
 
 
