@@ -41,12 +41,8 @@ ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__versio
 @contextmanager
 def open_film(path_or_url: str) -> Iterator["Film"]:
     """Open a file, numbered pictures (`frames_%04d.png`) or an address; raise FilmError if no picture can be read."""
-    is_address, options, source = "://" in path_or_url, {}, path_or_url
-    if not is_address:
-        file = _resolve_file(path_or_url)
-        options = _numbering(file)
-        # a % in the folder's name does not belong to FFmpeg's pattern
-        source = f"{file.parent}/".replace("%", "%%") + file.name if options else str(file)
+    is_address = "://" in path_or_url
+    source, options = (path_or_url, {}) if is_address else _file_for_ffmpeg(path_or_url)
     try:
         container = av.open(source, options=options, timeout=TIMEOUT_S if is_address else None, **ANY_METADATA)
     except FileNotFoundError as error:
@@ -202,9 +198,9 @@ class FilmClock:
         return [f"{defect}: {number}" for defect, number in defects.items() if number]
 
 
-def _resolve_file(path: str) -> Path:
-    """Return the absolute path for FFmpeg, which would take the relative path `film:2.mp4` for an address."""
-    file = Path(path).absolute()
+def _file_for_ffmpeg(path: str) -> tuple[str, dict[str, str]]:
+    """Return the name by which FFmpeg opens a file, or numbered pictures, and the option that it needs for these."""
+    file = Path(path).absolute()  # it would take the relative path `film:2.mp4` for an address
     if not path.strip():
         raise FilmError("the film's name is empty; give the file of a film")
     if file.is_fifo():
@@ -215,17 +211,14 @@ def _resolve_file(path: str) -> Path:
         )
     if file.is_file() and not file.stat().st_size:
         raise FilmError(f"{path}: is empty: nothing was recorded, or the copy failed; record or copy it again")
-    return file
-
-
-def _numbering(file: Path) -> dict[str, str]:
-    """Return FFmpeg's option for the number of the first picture; without it, FFmpeg tries only 0 to 4."""
-    parts = re.split(r"%\d*d", file.name)
-    if len(parts) != 2 or file.exists():
-        return {}
-    name = re.compile("([0-9]+)".join(map(re.escape, parts)))
-    numbers = [int(match[1]) for each in file.parent.glob("*") if (match := name.fullmatch(each.name))]
-    return {"start_number": str(min(numbers))} if numbers else {}
+    parts, numbers = re.split(r"%\d*d", file.name), []
+    if len(parts) == 2 and not file.exists():
+        name = re.compile("([0-9]+)".join(map(re.escape, parts)))
+        numbers = [int(match[1]) for each in file.parent.glob("*") if (match := name.fullmatch(each.name))]
+    if not numbers:
+        return str(file), {}
+    # a % in the folder's name does not belong to the pattern; without the first number, FFmpeg tries only 0 to 4
+    return f"{file.parent}/".replace("%", "%%") + file.name, {"start_number": str(min(numbers))}
 
 
 def _picture_stream(name: str, container: InputContainer) -> VideoStream:

@@ -3,7 +3,6 @@
 A tag lies flat on top of a robot, its middle above the robot's, the top of its pattern ahead.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -52,10 +51,18 @@ class TagReader:
 
     def __init__(self, camera: CameraModel, dictionary: str) -> None:
         self._camera = camera
-        self._quick, self._thorough = (
-            cv2.aruco.ArucoDetector(tag_dictionary(dictionary), _parameters(camera, dictionary, windows_cm))
-            for windows_cm in (WINDOWS_CM[:1], WINDOWS_CM)
-        )
+        x_px, y_px, longer_px = camera.width_px / 2, camera.height_px / 2, max(camera.width_px, camera.height_px)
+        ends_cm = camera.back_project(np.array([[x_px, y_px], [x_px + 1, y_px]]), epuck.HEIGHT_CM)
+        px_per_cm = 1 / float(np.linalg.norm(ends_cm[1] - ends_cm[0]))
+        first_px, last_px = (max(3, round(window_cm * px_per_cm) // 2 * 2 + 1) for window_cm in WINDOWS_CM)
+        parameters = cv2.aruco.DetectorParameters()
+        parameters.adaptiveThreshWinSizeStep = max(1, last_px - first_px)
+        parameters.minMarkerPerimeterRate = 4 * tag_modules(dictionary) * LEAST_MODULE_PX / longer_px
+        parameters.maxMarkerPerimeterRate = 4 * LARGEST_TAG_CM * px_per_cm / longer_px
+        parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = first_px
+        self._quick = cv2.aruco.ArucoDetector(tag_dictionary(dictionary), parameters)
+        parameters.adaptiveThreshWinSizeMax = last_px
+        self._thorough = cv2.aruco.ArucoDetector(tag_dictionary(dictionary), parameters)
         self._most = 0  # largest number of tags in a picture so far
         self._rows: list[tuple[float, ...]] = []
 
@@ -82,18 +89,3 @@ class TagReader:
         ahead = corners_cm[:, :2].mean(axis=1) - corners_cm[:, 2:].mean(axis=1)
         tags = np.column_stack([np.ravel(numbers), corners_cm.mean(axis=1), np.arctan2(ahead[:, 1], ahead[:, 0])])
         self._rows += [(frame.time_s, *tag) for tag in sorted(tags.tolist())]
-
-
-def _parameters(camera: CameraModel, dictionary: str, windows_cm: Sequence[float]) -> cv2.aruco.DetectorParameters:
-    """Return a detector's parameters: the windows, and tags no smaller than can be read, no larger than robots."""
-    x_px, y_px = camera.width_px / 2, camera.height_px / 2
-    ends_cm = camera.back_project(np.array([[x_px, y_px], [x_px + 1, y_px]]), epuck.HEIGHT_CM)
-    px_per_cm = 1 / float(np.linalg.norm(ends_cm[1] - ends_cm[0]))
-    windows_px = [max(3, round(window_cm * px_per_cm) // 2 * 2 + 1) for window_cm in windows_cm]
-    longer_px = max(camera.width_px, camera.height_px)
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = windows_px[0], windows_px[-1]
-    parameters.adaptiveThreshWinSizeStep = max(1, windows_px[-1] - windows_px[0])
-    parameters.minMarkerPerimeterRate = 4 * tag_modules(dictionary) * LEAST_MODULE_PX / longer_px
-    parameters.maxMarkerPerimeterRate = 4 * LARGEST_TAG_CM * px_per_cm / longer_px
-    return parameters
