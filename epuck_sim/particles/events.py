@@ -33,7 +33,6 @@ from epuck_sim.particles.swarm import (
     CONTINUE,
     HEAR,
     REORIENT,
-    Faulty,
     Instant,
     Neighbours,
     Observed,
@@ -107,19 +106,20 @@ def fire(
 ) -> None:
     """Fire all oscillators that are due, and all that fire because of their pulses."""
     scene, response, agents = oscillators.scene, oscillators.scene.response, len(oscillators.next_firing)
-    fired, received, is_done, faulty = instant.fired, instant.received, instant.is_done, carve(block, Faulty)
+    fired, received, is_done = instant.fired, instant.received, instant.is_done
     fired_count, received_count = firing_now(oscillators, time, fired), 0
     for index in range(fired_count):
         is_done[fired[index]] = True
     done, sent, refractory = fired_count, 0, response.refractory
+    has_faults = addresses[HEAR] != 0
     last_done = agents + scene.sends_every_pulse  # out of reach if every pulse is to be sent
     while sent < fired_count and done < last_done:
         agent = entry_of(fired, sent)
         row = find_receivers(block, addresses, neighbours, agent, time)
         receivers = neighbours.members[row : row + neighbours.counts[agent]]
-        if unlikely(addresses[HEAR] != 0):
+        if unlikely(has_faults):
             call(addresses[HEAR], block, addresses, agent, time)
-            receivers = faulty.heard[: scene.heard]
+            receivers = instant.heard[: scene.heard]
         if unlikely(scene.reorients_on_arriving):
             note_arrivals(block, receivers)
         for index in range(len(receivers)):

@@ -19,7 +19,7 @@ from epuck_sim.faults import (
 from epuck_sim.particles.motion import advance_one, begin_motion, distance_travelled, stop_at_present
 from epuck_sim.particles.neighbours import nearest_image, row_of
 from epuck_sim.particles.oscillators import forget_earliest
-from epuck_sim.particles.swarm import Arrays, Faulty, Neighbours, Trajectories, entry_of
+from epuck_sim.particles.swarm import Arrays, Faulty, Instant, Neighbours, Trajectories, entry_of
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.native import carve
@@ -104,13 +104,13 @@ def _change_each(faults: RecordArray, affected: RecordArray, time_ms: float, pha
 @jit_no_alloc
 def keep_heard(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """List in `heard` the receivers of an agent's pulse that faults do not keep from it."""
-    neighbours, faulty = carve(block, Neighbours), carve(block, Faulty)
+    neighbours, heard = carve(block, Neighbours), carve(block, Instant).heard
     scene, row = neighbours.scene, row_of(neighbours, agent)
     scene.heard = 0
     for rank in range(neighbours.counts[agent]):
         other = entry_of(neighbours.members, row + rank)
         if is_heard(block, addresses, agent, other, time, scene.instants):
-            faulty.heard[scene.heard] = other
+            heard[scene.heard] = other
             scene.heard += 1
 
 

@@ -34,6 +34,7 @@ from epuck_sim.particles.swarm import (
     Observed,
     Oscillators,
     Trajectories,
+    aligned_bytes,
     make_block,
 )
 from epuck_sim.scenario.particles import AgentsSection, ParticleScenario, RandomAgents
@@ -78,7 +79,7 @@ class Rules(NamedTuple):
 
     def new_block(self) -> ByteArray:
         """Return the block of a new swarm."""
-        block = np.zeros(self.size, np.uint8)
+        block = aligned_bytes(self.size)
         block[: len(self.beginning)] = self.beginning
         return block
 

@@ -140,7 +140,9 @@ class ParticleSimulation:
 
     def _next_fault(self) -> tuple[float, Moment]:
         """Return when a fault begins or ends next, in ms and as a moment; later than any if none does."""
-        time_ms = first_change_ms(self._arrays.affected) if self.scenario.faults else math.inf
+        if not self.scenario.faults:
+            return math.inf, NEVER
+        time_ms = first_change_ms(self._arrays.affected)
         return time_ms, self._moment(time_ms / 1000)
 
     def _await_change(self) -> None:

@@ -29,6 +29,7 @@ STREAM = record_type([("words", "u8", 4)])  # state of a random number generator
 
 FLOAT, INT, INDEX, FLAG, BYTE = map(np.dtype, (np.float64, np.int64, np.uint32, np.bool_, np.uint8))
 WORD_BYTES = 8
+VECTOR_BYTES = 32  # arrays begin at multiples of this, from which a processor loads its vectors fastest
 
 ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     # oscillators
@@ -193,13 +194,21 @@ CALLS = 6  # length of the array of addresses
 
 def make_block(sizes: Mapping[str, int]) -> ByteArray:
     """Return a block of zeros for a swarm with these lengths of `ARRAYS`."""
-    place, at = SCENE_BYTES, []
+    end, at = SCENE_BYTES, []
     for dtype, size in ARRAYS.values():
-        at.append((place, place + dtype.itemsize * sizes[size]))
-        place = -(-at[-1][1] // WORD_BYTES) * WORD_BYTES
-    block = np.zeros(place, np.uint8)
+        place = -(-end // VECTOR_BYTES) * VECTOR_BYTES
+        end = place + dtype.itemsize * sizes[size]
+        at.append((place, end))
+    block = aligned_bytes(end)
     scene_of(block).at = at
     return block
+
+
+def aligned_bytes(size: int) -> ByteArray:
+    """Return (size,) zeros for a block, at an address that is a multiple of `VECTOR_BYTES`."""
+    room = np.zeros(size + VECTOR_BYTES, np.uint8)
+    first = -room.__array_interface__["data"][0] % VECTOR_BYTES
+    return room[first : first + size]
 
 
 def scene_of(block: ByteArray) -> Any:
@@ -273,8 +282,8 @@ _FOUND = "members counts cached_until skip_count"
 Neighbours: Any = _part("Neighbours", f"scene {_FOUND} candidates positions headings {_MEASURED} {_LISTED}")
 """The neighbours that were found last, and the candidates among which they are searched for."""
 
-Instant: Any = _part("Instant", "scene fired received is_done curve reached is_reached headings_before")
-Faulty: Any = _part("Faulty", "faults affected is_mute is_deaf heard")
+Instant: Any = _part("Instant", "scene fired received is_done curve reached is_reached headings_before heard")
+Faulty: Any = _part("Faulty", "faults affected is_mute is_deaf")
 Observed: Any = _part("Observed", "positions_now phases_now")  # results for Python
 
 
