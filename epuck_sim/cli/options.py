@@ -23,11 +23,7 @@ FOLDED = ("More output", "Live view", "Controllers", "Sweeps", "Looks")
 def option(shown: str, said: str, heading: str | None = None, **more: Any) -> Any:
     """Return an option, given as its help shows it: `--of NAME`, `--json` for a flag, or the value alone: `FILE.csv`.
 
-    Args:
-        shown: Its name, if it differs from the parameter's, and the word for its value, if it is no flag.
-        said: Its help.
-        heading: Its group of options.
-        more: Further arguments of `typer.Option`.
+    It is in the group of options with this heading; `more` are further arguments of `typer.Option`.
     """
     name, _, value = shown.partition(" ") if shown.startswith("-") else ("", "", shown)
     names = [name] if name else []

@@ -4,7 +4,7 @@ import math
 import re
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -13,9 +13,6 @@ from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first, wo
 from epuck_sim.cli.options import argument, looks_option, option
 from epuck_sim.statistics import Statistic
 from epuck_sim.util.messages import counted
-
-if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
-    from epuck_sim.figures.saving import Target
 
 results = typer.Typer()
 
@@ -216,8 +213,10 @@ def plot(
 
     A caption and the numbers are written beside the figure. A scenario's section figure has the same options.
     """
-    from epuck_sim.figures.saving import parse_target
+    from epuck_sim.figures.saving import Target, parse_target, save_figure
+    from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, flag, read_form
 
+    first = results[0]
     target = parse_target(to) if to else None
     reject_first(*(("=" not in text, f"--label is {text!r}; allowed: KEY=TEXT") for text in label or ()))
     wanted = {
@@ -235,48 +234,26 @@ def plot(
         "width_cm": width_cm,
         "font_pt": font_pt,
     }
-    named = [name.strip() for name in names.split(",")] if names else []
-    if len(results) > 1 or results[0].is_dir():
-        files = _plot_sweeps(results, of, where, named, wanted, target)
+    if len(results) > 1 or first.is_dir():
+        named = [name.strip() for name in names.split(",")] if names else []
+        drawn = read_form(results, wanted, of, named, "--", where)
+        stem = drawn.name if drawn.name in SIMULATED_AGAIN else f"{of or 'T_sync'}{f'-{form}' * bool(form)}"
+        others = "".join(f"-with-{folder.resolve().name}" for folder in results[1:])
+        files = save_figure(target or Target(first / f"{stem}{others}"), drawn.draw_figure, drawn.tables, drawn.caption)
+        for note in drawn.notes:
+            typer.echo(f"note: {note}", err=True)
     else:
-        files = _plot_trial(results[0], {**wanted, "of": of, "where": where, "names": names}, target)
+        from epuck_sim.figures.trial_page import check_drawable, draw_page
+        from epuck_sim.recording.reader import read_recording
+
+        of_sweeps = {**wanted, "title": None, "label": label, "labels": None, "of": of, "where": where, "names": names}
+        for name, value in (of_sweeps if first.is_file() else {}).items():  # if it is missing, reading it says so
+            reject_first((value is not None, f"{flag(name, value)} is for run folders; {first} is a recording"))
+        recorded = read_recording(first)
+        check_drawable(recorded, str(first))
+        files = save_figure(target or Target(first.with_suffix("")), lambda: draw_page(recorded, title))
     for file in files:
         typer.echo(file)
-
-
-def _plot_sweeps(
-    folders: list[Path],
-    of: str | None,
-    where: list[str] | None,
-    names: list[str],
-    wanted: dict[str, Any],
-    target: "Target | None",
-) -> list[Path]:
-    from epuck_sim.figures.saving import Target, save_figure
-    from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
-
-    form = read_form(folders, wanted, of, names, "--", where)
-    stem = form.name if form.name in SIMULATED_AGAIN else f"{of or 'T_sync'}{f'-{form.name}' * bool(wanted['form'])}"
-    others = "".join(f"-with-{folder.resolve().name}" for folder in folders[1:])
-    target = target or Target(folders[0] / f"{stem}{others}")
-    files = save_figure(target, form.draw_figure, form.tables, form.caption)
-    for note in form.notes:
-        typer.echo(f"note: {note}", err=True)
-    return files
-
-
-def _plot_trial(recording: Path, wanted: dict[str, Any], target: "Target | None") -> list[Path]:
-    from epuck_sim.figures.saving import Target, save_figure
-    from epuck_sim.figures.sweep_figure import flag
-    from epuck_sim.figures.trial_page import check_drawable, draw_page
-    from epuck_sim.recording.reader import read_recording
-
-    title, wanted["label"] = wanted.pop("title"), wanted.pop("labels")
-    for name, value in (wanted if recording.is_file() else {}).items():  # if it is missing, reading it says so
-        reject_first((value is not None, f"{flag(name, value)} is for run folders; {recording} is a recording"))
-    recorded = read_recording(recording)
-    check_drawable(recorded, str(recording))
-    return save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded, title))
 
 
 @results.command()

@@ -179,47 +179,38 @@ def print_track(track: "Track", robots: "Robots | None" = None, *, as_json: bool
         print_json({**track.summary(), **({"identities": identities} if identities else {})})
         return
     print(track.film)
-    for name, value in (*_lines_of_track(track), *(_lines_about(identities) if identities else ())):
+    for name, value in _lines_of_track(track, identities):
         text = f"{name:{NAMES_WIDTH}}{value}"
         print(textwrap.fill(text, terminal_width() or 80, subsequent_indent=" " * NAMES_WIDTH))
 
 
-def _lines_of_track(track: "Track") -> Iterator[tuple[str, str]]:
+def _lines_of_track(track: "Track", identities: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    estimated = dict.fromkeys(track.estimated, ", estimated")
+    doubts = (*(track.reasons if track.confidence == "none" else ()), *track.warnings)
+    options = dict.fromkeys(re.findall(r"(?<!\S)--[a-z-]+", " ".join(doubts)))
     if track.t_sync_s is not None:
         yield "T_sync", f"{track.t_sync_cycles} cycles, {track.t_sync_s:.1f} s"
     else:
         yield "T_sync", "unknown" if track.confidence == "none" else "never"
     for reason in track.reasons:
         yield "because", reason
-    yield "confidence", track.confidence + _settled_by(track)
+    yield "confidence", track.confidence + (f"; {', '.join(options)} may settle it" if options else "")
     if track.histogram_s is not None:
         yield "by the histogram", f"{track.histogram_periods:.1f} periods, {track.histogram_s:.1f} s"
     yield "frames", f"{track.frames} at {track.fps:.4g} per second"
     yield "trial", f"from {track.start_s:.1f} s, for {track.duration_s:.1f} s"
     yield "geometry from", track.calibration
-    yield "period", f"{track.period_s:.4g} s{_if_estimated(track, 'period_s')}"
+    yield "period", f"{track.period_s:.4g} s{estimated.get('period_s', '')}"
     yield "flash", f"{track.flash_ms:.0f} ms"
     yield "robots seen", f"{track.robots_seen} at once, {track.flashes_per_period:.1f} flashes per period"
-    yield "threshold of the histogram", f"{track.threshold_ms:.0f} ms{_if_estimated(track, 'threshold_ms')}"
-
-
-def _settled_by(track: "Track") -> str:
-    """Return a text with the options that would settle doubts; it is empty if there are none."""
-    doubts = (*(track.reasons if track.confidence == "none" else ()), *track.warnings)
-    options = dict.fromkeys(re.findall(r"(?<!\S)--[a-z-]+", " ".join(doubts)))
-    return f"; {', '.join(options)} may settle it" if options else ""
-
-
-def _lines_about(identities: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield "threshold of the histogram", f"{track.threshold_ms:.0f} ms{estimated.get('threshold_ms', '')}"
+    if not identities:
+        return
     yield f"robots by {identities['by']}", f"{len(identities['robots'])}"
     unsure = f"{100 * identities['unsure_share']:.0f} % are unsure"
     yield "links between flashes", f"{identities['links']}, of which {unsure}"
     yield "by phases", "never" if identities["by_phases_s"] is None else f"{identities['by_phases_s']:.1f} s"
     yield "pairs that flash together", f"{identities['pairs_together']}"
-
-
-def _if_estimated(track: "Track", name: str) -> str:
-    return ", estimated" if name in track.estimated else ""
 
 
 UNTOLD = (

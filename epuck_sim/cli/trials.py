@@ -105,11 +105,7 @@ def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[Observ
 
 
 def chosen_trials(origin: str, scenario: Scenario, point: int | None, trial: int | None) -> tuple[Scenario, list[int]]:
-    """Return the scenario and the seeds of its trials, or those of one trial of a sweep.
-
-    Raises:
-        ScenarioError: It is a sweep and none of its trials is chosen, or there is no such trial.
-    """
+    """Return the scenario and the seeds of its trials, or those of the trial of a sweep that must be chosen."""
     if point is None or trial is None:
         if scenario.sweep is not None:
             raise ScenarioError(
