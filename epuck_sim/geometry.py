@@ -1,7 +1,7 @@
 """Polygons: the corners of a box, area, convexity, which points are inside, and the distance to a point.
 
-Counter-clockwise means that x points right and y points up. In a picture, where rows count downwards, flip the rows
-first: `corners * (1, -1)`.
+Corners are counter-clockwise, where x points right and y points up. In a picture, where rows count downwards, flip the
+rows first: `corners * (1, -1)`.
 """
 
 import math
@@ -41,15 +41,7 @@ def is_convex(corners: FloatArray) -> bool:
 
 
 def contains(corners: FloatArray, points: npt.NDArray[np.floating]) -> BoolArray:
-    """Return for each of (..., 2) points whether it is in a convex polygon or on its edge.
-
-    Args:
-        corners: (v, 2) corners counter-clockwise.
-        points: (..., 2) in the unit of `corners`.
-
-    Returns:
-        (...) booleans.
-    """
+    """Return (...) whether each of (..., 2) points is in a convex polygon of (v, 2) corners, or on its edge."""
     inside = np.ones(points.shape[:-1], np.bool_)
     for (x, y), (side_x, side_y) in zip(corners, _sides(corners), strict=True):
         inside &= side_x * (points[..., 1] - y) >= side_y * (points[..., 0] - x)
@@ -57,13 +49,7 @@ def contains(corners: FloatArray, points: npt.NDArray[np.floating]) -> BoolArray
 
 
 def polygon_distance_cm(corners: FloatArray, x_cm: float, y_cm: float) -> float:
-    """Return the distance from a point to the edge of a convex polygon; negative inside.
-
-    Args:
-        corners: (v, 2) cm: corners counter-clockwise.
-        x_cm: The point's x.
-        y_cm: The point's y.
-    """
+    """Return the distance from a point to the edge of a convex polygon with (v, 2) cm corners; negative inside."""
     sides = _sides(corners)
     to_point = (x_cm, y_cm) - corners
     lengths = np.hypot(sides[:, 0], sides[:, 1])

@@ -1,4 +1,7 @@
-"""Order parameters: how synchronised a swarm is, from the phases of its oscillators (eqs. 3.4, 4.2, 5.7)."""
+"""Order parameters: how synchronised a swarm is, from the phases of its oscillators (eqs. 3.4, 4.2, 5.7).
+
+All take (..., n) phases in the unit of the periods, of which there are n, or one for all.
+"""
 
 import math
 from typing import NamedTuple
@@ -10,14 +13,7 @@ from epuck_sim.util.elementary import add_directions
 
 
 def order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
-    """Return r, the modulus of the complex order parameter (eq. 4.2).
-
-    Args:
-        phases: (..., n) phases of the oscillators, in the unit of `periods`.
-        periods: (n,) periods of the oscillators, or one for all.
-
-    Returns:
-        (...) order parameters from 0, incoherent, to 1, synchronised.
+    """Return (...) r, the modulus of the complex order parameter (eq. 4.2), from 0, incoherent, to 1, synchronised.
 
     >>> f"{order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0):.6f}"
     '1.000000'
@@ -28,15 +24,7 @@ def order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArr
 
 
 def reference_order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
-    """Return eta (eq. 3.4): the mean cosine of the phases at a firing of the reference, whose own phase is 0.
-
-    Args:
-        phases: (..., n) phases of the oscillators, in the unit of `periods`.
-        periods: (n,) periods of the oscillators, or one for all.
-
-    Returns:
-        (...) order parameters of at most 1, synchronised.
-    """
+    """Return (...) eta (eq. 3.4), at most 1: the mean cosine of the phases as the reference fires, with phase 0."""
     eta: FloatArray = _mean_direction(phases, periods)[1]
     return eta
 

@@ -357,11 +357,7 @@ def run_check(
 
 
 def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
-    """Return the record type with these fields; truth values are kept as the integers 0 and 1.
-
-    Args:
-        fields: Name -> type or (type, shape).
-    """
+    """Return the record type with these fields, name -> type or (type, shape); truth values are kept as 0 and 1."""
     columns: list[tuple[Any, ...]] = []
     for name, field in fields.items():
         kind, *shape = field if isinstance(field, tuple) else (field,)

@@ -203,13 +203,9 @@ def find_picture(name: str, folder: Path | None = None) -> str:
 
 
 def read_grey(path: Path) -> ByteArray:
-    """Return (rows, columns) levels of a picture, from 0 for black to 255 for white.
+    """Return (rows, columns) levels of a picture, from 0 for black to 255 for white; it is read again if it changes.
 
-    The file is read again only when it has changed.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: It holds no picture that OpenCV reads, or a larger one than allowed.
+    It raises OSError if the file cannot be read, ValueError if it is no picture or a larger one than allowed.
     """
     status = path.stat()
     return _read(path, status.st_mtime_ns, status.st_size)
