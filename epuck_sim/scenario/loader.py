@@ -430,15 +430,16 @@ def points(scenario: ScenarioLike) -> tuple[Point, ...]:
     base = loaded.model_copy(update={"sweep": None}).model_dump(mode="json")
     rows = loaded.sweep.rows()
     names = _short_names(rows)
-    bases = share_parameters(base, rows)
-    found = tuple(_point(number, row, bases[number], names) for number, row in enumerate(rows))
-    first: dict[str, int] = {}
-    for point in found:
-        if point.key in first:
-            numbers = f"{first[point.key]} and {point.number}"
-            raise ScenarioError(f"{loaded.name}: sweep: points {numbers} are the same: {describe_axes(point.axes)}")
-        first[point.key] = point.number
-    return found
+    found: dict[str, Point] = {}
+    for number, (row, given) in enumerate(zip(rows, share_parameters(base, rows), strict=True)):
+        origin = f"{loaded.name}: sweep: point {number} ({describe_axes(row)})"
+        at_point = from_keys(keys.set_values(given, row, origin), origin)
+        axes = {key: _map_files(key, value, lambda _, name: names[name]) for key, value in row.items()}
+        point = Point(number, canonical_text(axes), axes, at_point)
+        if (first := found.setdefault(point.key, point)) is not point:
+            said = f"points {first.number} and {number} are the same: {describe_axes(axes)}"
+            raise ScenarioError(f"{loaded.name}: sweep: {said}")
+    return tuple(found.values())
 
 
 def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
@@ -453,13 +454,6 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
             _map_files(key, value, lambda _, name: names.setdefault(name, Path(name).as_posix()))
     endings = shortest_endings(names.values(), "/")
     return {name: endings[path] for name, path in names.items()}
-
-
-def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[str, str]) -> Point:
-    origin = f"{base['name']}: sweep: point {number} ({describe_axes(row)})"
-    scenario = from_keys(keys.set_values(base, row, origin), origin)
-    axes = {key: _map_files(key, value, lambda _, name: names[name]) for key, value in row.items()}
-    return Point(number, canonical_text(axes), axes, scenario)
 
 
 def describe_axes(row: dict[str, Any]) -> str:

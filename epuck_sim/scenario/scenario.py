@@ -5,7 +5,7 @@ It says when a trial ends, and which measures a trial has.
 
 import operator
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -150,28 +150,6 @@ class MeasureSection(ConfigModel):
         return measure if self.shown_as is None else replace(measure, name=self.shown_as)
 
 
-def _parameters_of_measures(measures: Any, folder: Path | None) -> Iterator[str]:
-    """Yield the dotted keys of parameters of the measures that a scenario lists, except invalid ones, refused later."""
-    for number, each in enumerate(measures if isinstance(measures, list | tuple) else ()):
-        with suppress(EpuckSimError, ValueError):
-            measure = MeasureSection.model_validate(each).find(folder)
-            yield from (f"measures.{number}.{measure.name}.{parameter}" for parameter in measure.parameters)
-
-
-def check_condition(name: str, measures: Mapping[str, Measure], event_method: str, origin: str) -> None:
-    """Raise ScenarioError unless the measure of a condition has a value while a trial runs.
-
-    The order parameter has one, whether it is among the measures or not: every trial measures it.
-    """
-    if name == ORDER_PARAMETER and name not in measures:
-        return
-    if name not in measures:
-        raise ScenarioError(f"{origin}: {did_you_mean(name, measures)}; measures: {comma_list(measures)}")
-    if not any(measures[name].is_told(method) for method in (event_method, CYCLE_METHOD)):
-        methods = f"methods {CYCLE_METHOD} or {event_method}"
-        raise ScenarioError(f"{origin}: {name} is measured only at the end; allowed: measures with {methods}")
-
-
 WITHOUT_EFFECT = {"name", "description", "trials", "trial_timeout_s", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
 
@@ -215,7 +193,12 @@ class Scenario(ConfigModel):
         not_typed = re.compile(r"sweep\b|measures\b|schedule\.\d+\.set\.")
         typed = [key for key in dict.fromkeys(keys_of(cls, given, folder)) if not not_typed.match(key)]
         typed.sort(key=lambda key: key.partition(".")[0] in WITHOUT_EFFECT)
-        return [*typed, *_parameters_of_measures(given.get("measures"), folder)]
+        measures = given.get("measures")
+        for number, each in enumerate(measures if isinstance(measures, list | tuple) else ()):
+            with suppress(EpuckSimError, ValueError):  # invalid ones are refused later
+                measure = MeasureSection.model_validate(each).find(folder)
+                typed += (f"measures.{number}.{measure.name}.{parameter}" for parameter in measure.parameters)
+        return typed
 
     @classmethod
     def validated(cls, given: Mapping[str, Any], origin: str) -> Self:
@@ -308,7 +291,12 @@ class Scenario(ConfigModel):
             known = {"measure": measure.stored_name, "parameters": parameters}
             sections.append(section.model_copy(update=known))
         for key, (condition, _) in self.conditions.items():
-            check_condition(condition.measure, found, self.event_method, f"{origin}: {key}")
+            name, methods = condition.measure, (CYCLE_METHOD, self.event_method)
+            if name not in found and name != ORDER_PARAMETER:  # which every trial measures
+                raise ScenarioError(f"{origin}: {key}: {did_you_mean(name, found)}; measures: {comma_list(found)}")
+            if name in found and not any(map(found[name].is_told, methods)):
+                allowed = f"measures with methods {' or '.join(methods)}"
+                raise ScenarioError(f"{origin}: {key}: {name} is measured only at the end; allowed: {allowed}")
         return self.model_copy(update={"measures": tuple(sections)}) if sections else self
 
     def __repr__(self) -> str:

@@ -92,31 +92,23 @@ def parse_yaml(text: str, source: str) -> Any:
 
 def _check_document(root: yaml.Node, source: str) -> None:
     """Raise ScenarioError for a document that has too many values, contains itself, or gives a key twice."""
-    sizes: dict[int, int] = {}
-    open_nodes: set[int] = set()
+    sizes: dict[int, int] = {}  # number of values in each node; 0 while they are counted
 
     def size(node: yaml.Node) -> int:
-        if id(node) in open_nodes:
-            raise ScenarioError(f"{source}: an alias in line {node.start_mark.line + 1} contains itself")
         if id(node) not in sizes:
-            open_nodes.add(id(node))
-            parts: list[yaml.Node] = []
-            if isinstance(node, yaml.MappingNode):
-                _check_keys_differ(node, source)
-                parts = [part for pair in node.value for part in pair]
-            elif isinstance(node, yaml.SequenceNode):
-                parts = node.value
-            sizes[id(node)] = 1 + sum(size(part) for part in parts)
-            open_nodes.remove(id(node))
+            sizes[id(node)] = 0
+            pairs = node.value if isinstance(node, yaml.MappingNode) else ()
+            seen: set[str] = set()
+            for key in (key for key, _ in pairs if isinstance(key, yaml.ScalarNode)):
+                if key.value in seen:
+                    line = key.start_mark.line + 1
+                    raise ScenarioError(f"{source}: key {key.value!r} is given twice, again in line {line}")
+                seen.add(key.value)
+            items = node.value if isinstance(node, yaml.SequenceNode) else ()
+            sizes[id(node)] = 1 + sum(map(size, (*items, *(part for pair in pairs for part in pair))))
+        if not sizes[id(node)]:
+            raise ScenarioError(f"{source}: an alias in line {node.start_mark.line + 1} contains itself")
         return sizes[id(node)]
 
     if size(root) > MAX_NODES:
         raise ScenarioError(f"{source}: expands to more than {MAX_NODES} values; a scenario has a few dozen")
-
-
-def _check_keys_differ(node: yaml.MappingNode, source: str) -> None:
-    seen: set[str] = set()
-    for key, _ in node.value:
-        if isinstance(key, yaml.ScalarNode) and key.value in seen:
-            raise ScenarioError(f"{source}: key {key.value!r} is given twice, again in line {key.start_mark.line + 1}")
-        seen.add(key.value if isinstance(key, yaml.ScalarNode) else "")
