@@ -191,21 +191,18 @@ def without_brought_sensors(given: Mapping[str, Any], key: str) -> Mapping[str, 
     groups, of_group = given.get("robots"), re.fullmatch(r"robots\.(\d+)\.kind", key)
     if not are_groups(groups) or not (key == "robot" or of_group):
         return given
-    kept: list[Mapping[str, Any]] = []
-    for number, group in enumerate(groups or ()):
-        own, sensors = group.get("kind"), group.get("sensors")
-        is_concerned = number == int(of_group[1]) if of_group else own is None
-        brought = _sensors_of(given.get("robot") if own is None else own) if is_concerned else {}
-        is_brought = is_concerned and isinstance(sensors, Mapping) and sensors.keys() in (set(), brought.keys())
-        kept.append({name: value for name, value in group.items() if not is_brought or name != "sensors"})
-    return {**given, "robots": kept}
-
-
-def _sensors_of(robot: Any) -> Mapping[str, Any]:
-    section = as_section(robot)
-    with suppress(ScenarioError):
-        return find_robot(section["kind"]).sensors if isinstance(section, Mapping) else {}
-    return {}
+    found = [dict(group) for group in groups or ()]
+    for number, group in enumerate(found):
+        sensors, own = group.get("sensors"), group.get("kind")
+        if isinstance(sensors, Mapping) and (number == int(of_group[1]) if of_group else own is None):
+            robot = as_section(given.get("robot") if own is None else own)
+            brought = set[str]()
+            with suppress(ScenarioError):
+                if isinstance(robot, Mapping) and "kind" in robot:
+                    brought = {*find_robot(str(robot["kind"])).sensors}
+            if sensors.keys() in (set(), brought):
+                del group["sensors"]
+    return {**given, "robots": found}
 
 
 def as_section(robot: Any) -> Any:

@@ -166,6 +166,8 @@ def test_groups_have_kinds_of_their_own_or_that_of_all_and_the_sensors_of_their_
     assert [list(group.sensors) for group in scenario.robots] == [["photosensors"], []]
     swapped = load_scenario(scenario, ["robots.0.kind=kilobot", "robots.1.kind=pogobot"])
     assert [list(group.sensors) for group in swapped.robots] == [[], ["photosensors"]]
+    for robot in ({"radius_cm": 4}, {"kind": 3}):
+        assert load_scenario({"robot": robot, "robots": RADIO}, ["robot=kilobot"]).robot.radius_cm == 1.65
     bare = load_scenario({"robots": [{**groups[0], "sensors": []}]})
     assert list(bare.robots[0].sensors) == []
 
