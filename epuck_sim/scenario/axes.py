@@ -336,10 +336,8 @@ class SweepAxes(ConfigModel):
     @property
     def point_count(self) -> int:
         """Number of points."""
-        count = len(self.points or (None,)) * len(next(iter(self.zip.values()), (None,)))
-        for values in self.grid.values():
-            count *= len(values)
-        return count
+        first_zipped = next(iter(self.zip.values()), (None,))
+        return math.prod(map(len, (self.points or (None,), first_zipped, *self.grid.values())))
 
     def with_values(self, change: Callable[[str, Any], Any]) -> "SweepAxes":
         """Return the axes with `change(key, value)` instead of each value."""

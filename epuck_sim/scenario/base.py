@@ -135,33 +135,25 @@ def tagged(section: type[ConfigModel]) -> tuple[str, tuple[str, ...]]:
     return "", ()
 
 
-def keys_of(section: type[ConfigModel], given: Any, folder: Path | None) -> Iterator[str]:
-    """Yield the dotted keys of a section with these values, and of all in it."""
-    given = given if isinstance(given, Mapping) else {}
-    values = {
-        name: field.get_default(call_default_factory=True) if given.get(name) is None else given[name]
-        for name, field in section.model_fields.items()
-    }
-    own = section.keys_in_files(values, folder)
-    for name, value in values.items():
-        yield name
-        classes = section_classes(section.model_fields[name].annotation)
-        found = () if value is None else _keys_in(classes, value, folder)
-        yield from (f"{name}.{key}" for key in dict.fromkeys([*found, *own.get(name, ())]))
-
-
-def _keys_in(classes: Sequence[type[ConfigModel]], value: Any, folder: Path | None) -> Iterator[str]:
+def keys_of(classes: Sequence[type[ConfigModel]], value: Any, folder: Path | None) -> Iterator[str]:
+    """Yield all dotted keys in a value: a section of one of these classes, several of them, or, without any, others."""
     if isinstance(value, ConfigModel):
         classes, value = [type(value)], vars(value)
-    if isinstance(value, Mapping) and classes:
-        named = (each for each in classes if value.get(tagged(each)[0]) in tagged(each)[1])
-        yield from keys_of(next(named, classes[0]), value, folder)
-    elif isinstance(value, Mapping) or (classes and isinstance(value, list | tuple)):
+    if isinstance(value, list | tuple) if classes else isinstance(value, Mapping):
         for name, each in value.items() if isinstance(value, Mapping) else enumerate(value):
             yield str(name)
-            yield from (f"{name}.{key}" for key in _keys_in(classes, each, folder))
+            yield from (f"{name}.{key}" for key in keys_of(classes, each, folder))
     elif classes:
-        yield from keys_of(classes[0], value, folder)
+        given = value if isinstance(value, Mapping) else {}
+        section = next((each for each in classes if given.get(tagged(each)[0]) in tagged(each)[1]), classes[0])
+        fields = section.model_fields.items()
+        defaults = {name: field.get_default(call_default_factory=True) for name, field in fields}
+        values = {name: default if given.get(name) is None else given[name] for name, default in defaults.items()}
+        own = section.keys_in_files(values, folder)
+        for name, field in fields:
+            yield name
+            inner = () if values[name] is None else keys_of(section_classes(field.annotation), values[name], folder)
+            yield from (f"{name}.{key}" for key in dict.fromkeys([*inner, *own.get(name, ())]))
 
 
 def ends_in(key: str, ending: str) -> bool:

@@ -329,8 +329,12 @@ class EmbodiedScenario(Scenario):
             stop = stop.limited(max((each.at_s or 0.0 for each in (*self.schedule, *self.faults)), default=0.0))
         found = found.model_copy(update={"arena": arena, "stop": stop})
         found = super(EmbodiedScenario, found).resolved(origin, folder)
-        if found.members_change:
-            found._check_measures(origin)
+        for number, section in enumerate(found.measures if found.members_change else ()):
+            if not section.find().sources and section.measure not in OF_PRESENT:
+                raise ScenarioError(
+                    f"{origin}: measures.{number}: {section.measure} assumes that all robots are in the arena, but "
+                    f"some come or go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
+                )
         if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in self.swept):
             found._check_arenas(f"{origin}: schedule")
         return found
@@ -363,15 +367,6 @@ class EmbodiedScenario(Scenario):
                 elif place in known:
                     present[place] = {**present[place], **values}
                     resolve_parameters(find_controller(group.controller), present[place], self.timing.step_ms, where)
-
-    def _check_measures(self, origin: str) -> None:
-        """Raise ScenarioError for shipped measures that assume that all robots stay in the arena throughout a trial."""
-        for number, section in enumerate(self.measures):
-            if not section.find().sources and section.measure not in OF_PRESENT:
-                raise ScenarioError(
-                    f"{origin}: measures.{number}: {section.measure} assumes that all robots are in the arena, but "
-                    f"some come or go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
-                )
 
     def _check_arenas(self, origin: str) -> None:
         """Raise ScenarioError if an entry of the schedule makes an arena that is not allowed.

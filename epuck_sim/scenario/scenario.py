@@ -191,7 +191,7 @@ class Scenario(ConfigModel):
         They include keys in sections, but not in `sweep` and in what a schedule sets; of measures, only parameters.
         """
         not_typed = re.compile(r"sweep\b|measures\b|schedule\.\d+\.set\.")
-        typed = [key for key in dict.fromkeys(keys_of(cls, given, folder)) if not not_typed.match(key)]
+        typed = [key for key in dict.fromkeys(keys_of([cls], given, folder)) if not not_typed.match(key)]
         typed.sort(key=lambda key: key.partition(".")[0] in WITHOUT_EFFECT)
         measures = given.get("measures")
         for number, each in enumerate(measures if isinstance(measures, list | tuple) else ()):
