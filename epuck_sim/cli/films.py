@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import Annotated, Any, get_args
 
 import typer
 
@@ -12,9 +12,6 @@ from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_stderr, reject_first
 from epuck_sim.cli.options import argument, option, output_option
 from epuck_sim.errors import FilmError
-
-if TYPE_CHECKING:
-    from epuck_sim.overhead.calibration import TrackOptions
 
 films = typer.Typer()
 
@@ -24,14 +21,61 @@ film_option, geometry_option, decision_option, camera_option = options.options_o
     "Film", "Geometry", "Decision", "Live camera"
 )
 
+NUMBER = r"\s*(-?[0-9]*\.?[0-9]+)\s*"
+
+
+def parse_arena(text: str) -> tuple[float, float]:
+    """Return width and height, in cm, of a floor given as SIDE or WIDTHxHEIGHT; raises FilmError for anything else."""
+    match = re.fullmatch(f"{NUMBER}(?:x{NUMBER})?", text)
+    sides = [float(side) for side in match.groups() if side is not None] if match else []
+    if not sides or not all(1 <= side <= 1e6 for side in sides):
+        raise FilmError(f"--arena-cm is {text}; allowed: a side of 1 to 1000000 cm, such as 60, or two, such as 60x100")
+    return sides[0], sides[-1]
+
+
+def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
+    """Return the pixels of four corners given as X,Y,X,Y,X,Y,X,Y; raises FilmError for anything else."""
+    numbers = re.fullmatch(",".join([NUMBER] * 8), text)
+    if numbers is None:
+        raise FilmError(f"--corners is {text}; allowed: four corners in pixels, such as 10,12,470,11,468,470,12,469")
+    values = [float(value) for value in numbers.groups()]
+    return tuple(zip(values[::2], values[1::2], strict=True))
+
+
+def parse_board(text: str) -> tuple[int, int]:
+    """Return the squares across and down a board given as COLUMNSxROWS; raises FilmError for anything else."""
+    match = re.fullmatch(r"([0-9]+)x([0-9]+)", text)
+    squares = tuple(map(int, match.groups())) if match else ()
+    if len(squares) != 2 or not all(4 <= number <= 40 for number in squares):
+        raise FilmError(f"--board is {text}; allowed: squares across and down, each 4 to 40, such as 9x6")
+    return squares[0], squares[1]
+
+
+def parse_tags(text: str) -> dict[str, Any]:
+    """Return the dictionary of tags, and the numbers in use, if given; raises FilmError for anything else."""
+    from epuck_sim.scenario.overhead import TagDictionary
+
+    match = re.fullmatch(r"([4-7]X[4-7]_[0-9]+)(?::([0-9]+(?:-[0-9]+)?(?:,[0-9]+(?:-[0-9]+)?)*))?", text)
+    names = get_args(TagDictionary)
+    if match is None or match[1] not in names:
+        raise FilmError(
+            f"--tags is {text}; allowed: a dictionary, {', '.join(names)}, and numbers if you want: 4X4_50:0-9,12"
+        )
+    name, given = match.groups()
+    count = int(name.partition("_")[2])
+    spans = [[int(end) for end in span.split("-")] for span in (given or "").split(",") if span]
+    if any(span[0] > span[-1] or span[-1] >= count for span in spans):
+        raise FilmError(f"--tags is {text}; allowed: numbers from 0 to {count - 1}, and ranges that rise, as in 0-9")
+    numbers = frozenset(number for span in spans for number in range(span[0], span[-1] + 1))
+    return {"tags": name, "tag_numbers": numbers or None}
+
 
 def arena_option(otherwise: str) -> Any:
     """Return the option of the floor's size; `otherwise` is its default, in words, if the film does not describe it."""
     said = f"Size of the floor; by default as the film describes it, or {otherwise}."
-    return geometry_option("--arena-cm SIDE|WIDTHxHEIGHT", said)
+    return geometry_option("--arena-cm SIDE|WIDTHxHEIGHT", said, parser=parse_arena)
 
 
-ArenaOption = Annotated[str | None, arena_option("60")]
 HeightOption = Annotated[
     float | None,
     geometry_option(
@@ -39,15 +83,20 @@ HeightOption = Annotated[
     ),
 ]
 CornersOption = Annotated[
-    str | None,
-    geometry_option("X,Y,X,Y,X,Y,X,Y", "The floor's four corners, in any order, in pixels from the upper left."),
+    Any,
+    geometry_option(
+        "--corners X,Y,X,Y,X,Y,X,Y",
+        "The floor's four corners, in any order, in pixels from the upper left.",
+        parser=parse_corners,
+    ),
 ]
 LensOption = Annotated[Path | None, geometry_option("FILE.json", "The lens of the camera, written by `calibrate`.")]
 TagsOption = Annotated[
-    str | None,
+    Any,
     film_option(
         "DICTIONARY[:NUMBERS]",
         "Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
+        parser=parse_tags,
     ),
 ]
 FpsOption = Annotated[
@@ -70,33 +119,6 @@ RobotsOption = Annotated[
         min=1,
     ),
 ]
-
-
-def scene_options(
-    arena: str | None,
-    height_cm: float | None,
-    corners: str | None,
-    lens: Path | None,
-    period_s: float | None,
-    robots: int | None,
-    tags: str | None,
-    fps: float | None,
-) -> "TrackOptions":
-    """Return the options about the scene; raise FilmError for an arena, corners or tags that cannot be read."""
-    from epuck_sim.overhead.calibration import TrackOptions
-
-    dictionary, numbers = (None, None) if tags is None else parse_tags(tags)
-    return TrackOptions(
-        arena_cm=None if arena is None else parse_arena(arena),
-        height_cm=height_cm,
-        corners_px=None if corners is None else parse_corners(corners),
-        lens=lens,
-        period_s=period_s,
-        robots=robots,
-        tags=dictionary,
-        tag_numbers=numbers,
-        fps=fps,
-    )
 
 
 @films.command()
@@ -159,14 +181,14 @@ def track(
         float | None, film_option("--end-s S", "Leave out frames after this time on the film's clock.", min=0)
     ] = None,
     fps: FpsOption = None,
-    arena: ArenaOption = None,
-    height: HeightOption = None,
-    corners: CornersOption = None,
+    arena_cm: Annotated[Any, arena_option("60")] = None,
+    height_cm: HeightOption = None,
+    corners_px: CornersOption = None,
     lens: LensOption = None,
     tags: TagsOption = None,
-    period: PeriodOption = None,
+    period_s: PeriodOption = None,
     robots: RobotsOption = None,
-    threshold: Annotated[
+    threshold_ms: Annotated[
         float | None,
         decision_option(
             "--threshold-ms MS",
@@ -175,7 +197,7 @@ def track(
             max=86_400_000,
         ),
     ] = None,
-    order: Annotated[
+    order_parameter: Annotated[
         float | None,
         decision_option(
             "--order-parameter R",
@@ -216,22 +238,20 @@ def track(
         (camera is None and (web or record is not None), "--web and --record are for --camera"),
         (port is not None and not web, "--port is for --web"),
         (
-            camera is not None and period is None,
+            camera is not None and period_s is None,
             "--camera needs --period-s, because the period cannot be estimated while the camera films",
         ),
     )
     from epuck_sim.cli.progress import progress_bar
     from epuck_sim.cli.tables import print_track
+    from epuck_sim.overhead.calibration import TrackOptions
     from epuck_sim.overhead.live import Watching, track_camera
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import look_again, track_film
 
-    scene = scene_options(arena, height, corners, lens, period, robots, tags, fps)._replace(
-        threshold_ms=threshold,
-        order_parameter=order,
-        start_s=start,
-        end_s=math.inf if end is None else end,
-    )
+    known = (arena_cm, height_cm, corners_px, period_s, robots, threshold_ms, order_parameter, lens)
+    end_s = math.inf if end is None else end
+    scene = TrackOptions(*known, start_s=start, end_s=end_s, fps=fps, **(tags or {}))
     tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
     outputs = {
         "--plot": (plot, [".png"]),
@@ -242,7 +262,7 @@ def track(
     }
     inputs = {} if film is None else {"the film": film}
     options.check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
-    if camera is not None and period is not None:
+    if camera is not None and period_s is not None:
         watching = Watching(record, rings, annotate, (port or options.WEB_PORT) if web else None)
         tracked = track_camera(camera, scene, watching, progress_bar("tracking"), print_stderr)
     else:
@@ -269,12 +289,12 @@ def compare_film(
     settings: options.SetOption = None,
     trials: Annotated[int, option("N", "Number of simulated trials.", min=1, max=10_000)] = 40,
     fps: FpsOption = None,
-    arena: Annotated[str | None, arena_option("as in SCENARIO")] = None,
-    height: HeightOption = None,
-    corners: CornersOption = None,
+    arena_cm: Annotated[Any, arena_option("as in SCENARIO")] = None,
+    height_cm: HeightOption = None,
+    corners_px: CornersOption = None,
     lens: LensOption = None,
     tags: TagsOption = None,
-    period: PeriodOption = None,
+    period_s: PeriodOption = None,
     robots: RobotsOption = None,
     as_json: options.JsonOption = False,
     plot: Annotated[
@@ -296,7 +316,7 @@ def compare_film(
     from epuck_sim.cli.progress import progress_bar, trials_bar
     from epuck_sim.cli.tables import print_comparison
     from epuck_sim.overhead import compare
-    from epuck_sim.overhead.calibration import FilmMetadata
+    from epuck_sim.overhead.calibration import FilmMetadata, TrackOptions
     from epuck_sim.overhead.filming import describe_film
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import track_film
@@ -307,7 +327,7 @@ def compare_film(
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
     loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "a film needs model: embodied")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
-    scene = scene_options(arena, height, corners, lens, period, robots, tags, fps)
+    scene = TrackOptions(arena_cm, height_cm, corners_px, period_s, robots, lens=lens, fps=fps, **(tags or {}))
     files = {}
     if plot is not None:
         from epuck_sim.figures.saving import check_files, parse_target
@@ -347,52 +367,3 @@ def print_doubts(doubts: Iterable[str]) -> None:
     """Print doubts on stderr, as warnings."""
     for doubt in doubts:
         print_stderr(f"warning: {doubt}")
-
-
-NUMBER = r"\s*(-?[0-9]*\.?[0-9]+)\s*"
-
-
-def parse_arena(text: str) -> tuple[float, float]:
-    """Return width and height, in cm, of a floor given as SIDE or WIDTHxHEIGHT; raises FilmError for anything else."""
-    match = re.fullmatch(f"{NUMBER}(?:x{NUMBER})?", text)
-    sides = [float(side) for side in match.groups() if side is not None] if match else []
-    if not sides or not all(1 <= side <= 1e6 for side in sides):
-        raise FilmError(f"--arena-cm is {text}; allowed: a side of 1 to 1000000 cm, such as 60, or two, such as 60x100")
-    return sides[0], sides[-1]
-
-
-def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
-    """Return the pixels of four corners given as X,Y,X,Y,X,Y,X,Y; raises FilmError for anything else."""
-    numbers = re.fullmatch(",".join([NUMBER] * 8), text)
-    if numbers is None:
-        raise FilmError(f"--corners is {text}; allowed: four corners in pixels, such as 10,12,470,11,468,470,12,469")
-    values = [float(value) for value in numbers.groups()]
-    return tuple(zip(values[::2], values[1::2], strict=True))
-
-
-def parse_board(text: str) -> tuple[int, int]:
-    """Return the squares across and down a board given as COLUMNSxROWS; raises FilmError for anything else."""
-    match = re.fullmatch(r"([0-9]+)x([0-9]+)", text)
-    squares = tuple(map(int, match.groups())) if match else ()
-    if len(squares) != 2 or not all(4 <= number <= 40 for number in squares):
-        raise FilmError(f"--board is {text}; allowed: squares across and down, each 4 to 40, such as 9x6")
-    return squares[0], squares[1]
-
-
-def parse_tags(text: str) -> tuple[str, frozenset[int] | None]:
-    """Return a dictionary of tags, and the numbers in use, if given; raises FilmError for anything else."""
-    from epuck_sim.scenario.overhead import TagDictionary
-
-    match = re.fullmatch(r"([4-7]X[4-7]_[0-9]+)(?::([0-9]+(?:-[0-9]+)?(?:,[0-9]+(?:-[0-9]+)?)*))?", text)
-    names = get_args(TagDictionary)
-    if match is None or match[1] not in names:
-        raise FilmError(
-            f"--tags is {text}; allowed: a dictionary, {', '.join(names)}, and numbers if you want: 4X4_50:0-9,12"
-        )
-    name, given = match.groups()
-    count = int(name.partition("_")[2])
-    spans = [[int(end) for end in span.split("-")] for span in (given or "").split(",") if span]
-    if any(span[0] > span[-1] or span[-1] >= count for span in spans):
-        raise FilmError(f"--tags is {text}; allowed: numbers from 0 to {count - 1}, and ranges that rise, as in 0-9")
-    numbers = frozenset(number for span in spans for number in range(span[0], span[-1] + 1))
-    return name, numbers or None
