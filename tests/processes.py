@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 COMMAND = [sys.executable, "-m", "epuck_sim"]
 
 _MARK = "EPUCK_SIM_STARTED_BY_TESTS"
@@ -68,11 +70,5 @@ def wait_until(condition, limit_s: float = 300.0) -> None:
 
 def processes_marked(mark: str, name: str = "EPUCK_SIM_TEST") -> list[int]:
     """Return the processes in whose environment `name` is `mark`."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            if f"{name}={mark}\0".encode() in (folder / "environ").read_bytes():
-                found.append(int(folder.name))
-        except OSError:  # it has ended, or is not ours
-            continue
-    return found
+    running = psutil.process_iter(["environ"])  # None for what is not ours
+    return [process.pid for process in running if (process.info["environ"] or {}).get(name) == mark]

@@ -1,4 +1,4 @@
-"""Numbers in the docs' pages of results are those of tables, and tables of figures those of the tables of trials."""
+"""Numbers in the docs' pages of results, and in the paper, are those of tables, and these those of tables of trials."""
 
 import csv
 import math
@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from docs.figures.tables import restore, sweeps
+from docs.paper.make import HERE, write_paper
 from docs.trials import TABLES, read_table
 from epuck_sim.arrays import FloatArray
 from tests.cli.commands import call
@@ -90,3 +92,12 @@ def test_every_table_has_its_sweep_and_may_have_long_series() -> None:
     assert set(TABLE_NAMES) <= set(sweeps())
     table = read_table("figures/neighbour-change")
     assert max(map(len, table.columns["neighbour_change"])) > 1_000_000
+
+
+def test_the_paper_has_the_numbers_of_the_tables_is_short_and_its_metadata_has_its_title() -> None:
+    """As short as ReScience C wants it."""
+    text = (HERE / "paper.md").read_text(encoding="utf-8")
+    assert text == write_paper(), "run `python -m docs.paper.make`"
+    assert len(text.split()) <= 2500
+    metadata = yaml.safe_load((HERE / "metadata.yaml").read_text(encoding="utf-8"))
+    assert text.startswith(f"# {metadata['title']}\n")
