@@ -1,6 +1,6 @@
 """Writes the reference of all commands and options from the command line itself."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import typer
@@ -11,19 +11,13 @@ from epuck_sim.cli.app import app
 def write_commands() -> str:
     """Return the reference as Markdown: a section for each command, with a table for each panel of options."""
     group: Any = typer.main.get_command(app)
-    return "\n\n".join(_write_commands(group.commands, "epuck-sim"))
+    return "\n\n".join(part for name, command in group.commands.items() for part in _write_command(name, command))
 
 
-def _write_commands(commands: Mapping[str, Any], program: str) -> Iterator[str]:
-    for name, command in commands.items():
-        yield f"## `{program} {name}`"
-        yield command.help
-        if hasattr(command, "commands"):
-            yield from (
-                part.replace("## ", "### ", 1) for part in _write_commands(command.commands, f"{program} {name}")
-            )
-        else:
-            yield from _write_parameters([each for each in command.params if not getattr(each, "hidden", False)])
+def _write_command(name: str, command: Any) -> Iterator[str]:
+    yield f"## `epuck-sim {name}`"
+    yield command.help
+    yield from _write_parameters([each for each in command.params if not getattr(each, "hidden", False)])
 
 
 def _write_parameters(parameters: list[Any]) -> Iterator[str]:

@@ -13,7 +13,7 @@ from epuck_sim.cli.films import films
 from epuck_sim.cli.options import Commands
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
-from epuck_sim.cli.scenarios import news, scenarios
+from epuck_sim.cli.scenarios import scenarios
 from epuck_sim.cli.terminal import EXIT_CODE, end_on_request
 from epuck_sim.errors import CODE_CHECKS
 
@@ -26,7 +26,6 @@ app = typer.Typer(
 )
 for commands in (runs, scenarios, films, results):
     app.add_typer(commands)
-app.add_typer(news, name="new")
 
 
 def _print_version(wanted: bool) -> None:

@@ -5,10 +5,10 @@ import keyword
 import re
 import sys
 import webbrowser
-from collections.abc import Callable
+from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
@@ -19,7 +19,6 @@ from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import TEMPLATES, builtin_folder
 
 scenarios = typer.Typer()
-news = typer.Typer(no_args_is_help=True, help="Write a commented file to start from.")
 
 
 @scenarios.command()
@@ -127,60 +126,47 @@ def predict(
     show([table], record, as_json=as_json, as_csv=as_csv)
 
 
-class New(NamedTuple):
-    """A kind of file that `new` writes."""
-
-    ending: str
-    trial: str  # how to try it, with NAME and FILE
-    example: str  # a name for one
-
-
 IN_PYTHON = 'in Python: from epuck_sim.environments import vector_env; vector_env("thesis", 8, reward="FILE")'
 NEW = {
-    "scenario": New(".yaml", "epuck-sim run FILE", "pillar-80"),
-    "controller": New(".py", "epuck-sim run thesis --controller FILE", "wanderer"),
-    "measure": New(".py", "epuck-sim run thesis --measure FILE", "coverage"),
-    "sensor": New(".py", 'epuck-sim run thesis --set "robots.0.sensors=[FILE]" --trace NAME.parquet', "ground"),
-    "robot": New(".yaml", "epuck-sim run thesis --set robot=FILE", "cart"),
-    "curve": New(".py", "epuck-sim run particles --set response.curve=FILE", "bent"),
-    "reward": New(".py", IN_PYTHON, "together"),
-    "claims": New(".yaml", "epuck-sim replicate --claims FILE --out NAME", "couplings"),
+    "scenario": (".yaml", "epuck-sim run FILE", "pillar-80"),
+    "controller": (".py", "epuck-sim run thesis --controller FILE", "wanderer"),
+    "measure": (".py", "epuck-sim run thesis --measure FILE", "coverage"),
+    "sensor": (".py", 'epuck-sim run thesis --set "robots.0.sensors=[FILE]" --trace NAME.parquet', "ground"),
+    "robot": (".yaml", "epuck-sim run thesis --set robot=FILE", "cart"),
+    "curve": (".py", "epuck-sim run particles --set response.curve=FILE", "bent"),
+    "reward": (".py", IN_PYTHON, "together"),
+    "claims": (".yaml", "epuck-sim replicate --claims FILE --out NAME", "couplings"),
 }
-"""The kinds of files that `new` writes."""
+"""Kinds of files that `new` writes: their ending, how to try one, with NAME and FILE, and a name for one."""
+
+FileKind = StrEnum("FileKind", [*NEW])  # type: ignore[misc]  # mypy knows lists that are written out
 
 
-def _command_for(kind: str) -> Callable[[str], None]:
-    def new(name: Annotated[str, argument("NAME", "Its name, and that of its file.")]) -> None:
-        _write_new(kind, name)
-
-    new.__doc__ = f"Write a file with {'' if kind == 'claims' else 'a '}commented {kind} that runs as it stands."
-    return new
-
-
-for kind_of_file in NEW:
-    news.command(kind_of_file)(_command_for(kind_of_file))
-
-
-def _write_new(kind: str, name: str) -> None:
-    new, one = NEW[kind], kind if kind == "claims" else f"a {kind}"
+@scenarios.command("new", no_args_is_help=True)
+def write_new(
+    kind: Annotated[FileKind, argument("KIND", f"One of {', '.join(FileKind)}.")],
+    name: Annotated[str, argument("NAME", "Its name, and that of its file.")],
+) -> None:
+    """Write a commented file to start from, which runs as it stands."""
+    (ending, trial, example), one = NEW[kind], kind if kind == "claims" else f"a {kind}"
     if kind == "scenario":
         is_name, letters = re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name) is not None, "letters, digits, _ and -"
     else:  # a file that Python imports, or that stands beside one
         is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
         letters = "letters, digits and _"
-    file = f"{name}{new.ending}"
+    file = f"{name}{ending}"
     from epuck_sim.control.interface import Sensors
 
-    may_clash = is_name and new.ending == ".py"
+    may_clash = is_name and ending == ".py"
     found = find_spec(name) if may_clash else None  # a folder has no origin
     is_module = may_clash and (name in sys.stdlib_module_names or getattr(found, "origin", None) is not None)
     reject_first(
-        (not is_name, f"{name!r} is no name for {one}; allowed: {letters}, such as {new.example}"),
+        (not is_name, f"{name!r} is no name for {one}; allowed: {letters}, such as {example}"),
         (kind == "sensor" and name in Sensors._fields, f"{name!r} is a reading of all robots; give another name"),
         (Path(file).exists(), f"{file}: exists already; give another name"),
         (is_module, f"{name} is the name of a module that Python has already; give another name"),
     )
-    template = (builtin_folder(TEMPLATES) / f"{kind}{new.ending}").read_text(encoding="utf-8")
+    template = (builtin_folder(TEMPLATES) / f"{kind}{ending}").read_text(encoding="utf-8")
     with atomic_write(Path(file)) as part:
         part.write_text(template.replace("NAME", name), encoding="utf-8")
-    typer.echo(f"{file}: try it: {new.trial.replace('NAME', name).replace('FILE', file)}")
+    typer.echo(f"{file}: try it: {trial.replace('NAME', name).replace('FILE', file)}")
