@@ -12,7 +12,7 @@ from epuck_sim.scenario.axes import Rows, with_ranges
 from epuck_sim.scenario.base import ends_in, refused_at
 from epuck_sim.scenario.embodied import noise_keys
 from epuck_sim.scenario.robot_kind import are_groups, as_section, without_brought_sensors
-from epuck_sim.scenario.scenario import WITHOUT_EFFECT
+from epuck_sim.scenario.scenario import AS, WITHOUT_EFFECT
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.messages import short_repr
 
@@ -97,10 +97,12 @@ def _parameter_of_measure(given: Mapping[str, Any], key: str, folder: Path | Non
     if found is None or not isinstance(listed, list | tuple) or int(found[1]) >= len(listed):
         return []
     measure = listed[int(found[1])]
-    measure = {measure: {}} if isinstance(measure, str) else measure
-    for name, parameters in measure.items() if isinstance(measure, Mapping) and len(measure) == 1 else ():
+    is_one = isinstance(measure, Mapping) and len(measure) == 1
+    ((name, parameters),) = measure.items() if is_one else ((measure, None),)
+    if isinstance(name, str):
         file = Path(name).name.partition(":")[0]
-        names = name, name.rpartition(":")[2], file, Path(file).stem, (parameters or {}).get("as")
+        shown_as = parameters.get(AS) if isinstance(parameters, Mapping) else None
+        names = name, name.rpartition(":")[2], file, Path(file).stem, shown_as
         if found[2] in names or (found[2],) == _contents(name, folder)[:1]:
             return ["measures", found[1], name, found[3]]
     return []
