@@ -8,7 +8,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -74,40 +74,23 @@ SCENARIO = Kind(
 MOST_ECHOED = 200  # most characters of an option that messages repeat
 RUN_SCENARIO = "scenario.yaml"  # name of the file in a run folder that holds its scenario
 
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar  # with a default, which `typing` has from Python 3.13 on
 
-@overload
+    Loaded = TypeVar("Loaded", bound=Scenario, default=EmbodiedScenario | ParticleScenario)
+else:
+    Loaded = AnyScenario
+
+
 def load_scenario(
-    source: AnyScenario,
+    source: Loaded | str | Path | Mapping[str, Any],
     settings: Sequence[str] = (),
     axes: Sequence[str] = (),
     *,
     measures: Sequence[str | Path] = (),
     controller: str | Path | None = None,
     quick: bool = False,
-) -> AnyScenario: ...
-
-
-@overload
-def load_scenario(
-    source: str | Path | Mapping[str, Any],
-    settings: Sequence[str] = (),
-    axes: Sequence[str] = (),
-    *,
-    measures: Sequence[str | Path] = (),
-    controller: str | Path | None = None,
-    quick: bool = False,
-) -> EmbodiedScenario | ParticleScenario: ...
-
-
-def load_scenario(
-    source: ScenarioLike,
-    settings: Sequence[str] = (),
-    axes: Sequence[str] = (),
-    *,
-    measures: Sequence[str | Path] = (),
-    controller: str | Path | None = None,
-    quick: bool = False,
-) -> Scenario:
+) -> Loaded:
     """Return a validated scenario with every default filled in.
 
     Args:
@@ -168,7 +151,7 @@ def load_scenario(
     given = keys.note_changes(given, [*changed, *swept])
     scenario = from_keys(given, origin, folder)
     keys.reject_swept(changed, controller, scenario.swept)
-    return scenario
+    return cast("Loaded", scenario)  # a Scenario keeps its class
 
 
 def from_keys(given: Mapping[str, Any], origin: str, folder: Path | None = None) -> Scenario:
