@@ -14,7 +14,6 @@ from epuck_sim.sweep import scheduler
 from epuck_sim.util.machine import signals
 from tests.processes import end_all
 from tests.sweep.pool_here import pool_here
-from tests.tools import MissingTools
 
 _state = tempfile.TemporaryDirectory(prefix="epuck-sim-tests-")
 atexit.register(_state.cleanup)
@@ -30,10 +29,6 @@ for _number in signals("SIGHUP"):
     signal.signal(_number, signal.SIG_DFL)
 
 settings.load_profile("same")  # --hypothesis-profile search looks for what nobody has seen yet
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.pluginmanager.register(MissingTools())
 
 
 @pytest.fixture(autouse=True)
