@@ -13,14 +13,9 @@ from typing import Any
 
 BROWSER = shutil.which("chromium")
 
-OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=30000")
+OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars")
 
-
-def shown(page: Path, profile: Path, query: str = "") -> str:
-    """Return the page's HTML after its scripts have run."""
-    assert BROWSER is not None
-    command = [BROWSER, *OPTIONS, f"--user-data-dir={profile}", "--dump-dom", page.as_uri() + query]
-    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+IS_READY = "document.documentElement && document.documentElement.dataset.ready"  # set by pages of ours
 
 
 class Driven:
@@ -30,9 +25,7 @@ class Driven:
         """Start it, in real time; end it by `close`."""
         assert BROWSER is not None
         (read, self._write), (self._read, write) = os.pipe(), os.pipe()
-        options = [option for option in OPTIONS if "virtual" not in option]
-
-        command = [BROWSER, *options, f"--user-data-dir={profile}", "--remote-debugging-pipe", *arguments]
+        command = [BROWSER, *OPTIONS, f"--user-data-dir={profile}", "--remote-debugging-pipe", *arguments]
         self._process = subprocess.Popen(
             ["bash", "-c", f'exec "$@" 3<&{read} 4>&{write}', "browser", *command],
             stdout=subprocess.DEVNULL,
@@ -72,13 +65,12 @@ class Driven:
         if method == "Network.requestWillBeSent":
             self.said.append(f"asks for {parameters['request']['url'][:200]}")
 
-    def open(self, address: str) -> None:
-        """Go to a page, and wait until it is ready."""
+    def open(self, address: str, is_ready: str = IS_READY) -> None:
+        """Go to a page, and wait until an expression in it is true."""
         self._call("Page.navigate", url=address)
-        ready = "document.documentElement && document.documentElement.dataset.ready"
         for _ in range(600):
             with suppress(AssertionError):  # the page may change while it is asked
-                if self.run(f"location.href !== 'about:blank' && {ready}"):
+                if self.run(f"location.href !== 'about:blank' && {is_ready}"):
                     return
             time.sleep(0.05)
         raise AssertionError(f"{address} is not ready: {self.said}")
