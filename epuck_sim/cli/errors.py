@@ -84,8 +84,7 @@ def print_traceback() -> Iterator[None]:
 @contextmanager
 def print_warnings() -> Iterator[None]:
     """Print the block's warnings as notes, at once: an error that follows may be due to them."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", UserWarning)
+    with warnings.catch_warnings(action="always", category=UserWarning):
         warnings.showwarning = lambda said, kind, *_, **__: (  # what one library says to another, no user can heed
             None if issubclass(kind, DeprecationWarning) else typer.echo(f"note: {said}", err=True)
         )

@@ -1,8 +1,9 @@
 """Options that several commands share, completion in shells, and long helps that are folded."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -100,16 +101,9 @@ class FoldedCommand(TyperCommand):
                 each.hidden = False  # shells complete them
 
 
-def complete(module: str, kind: str) -> Callable[[str], list[str]]:
+def complete(module: str, kind: str) -> Callable[[], Any]:
     """Return the function by which shells complete the names that are shipped, or offered by installed packages."""
-
-    def begins_with(incomplete: str) -> list[str]:
-        from importlib import import_module
-
-        names: Iterable[str] = getattr(import_module(module), kind).offers
-        return [name for name in names if name.startswith(incomplete)]
-
-    return begins_with
+    return lambda: getattr(import_module(module), kind).offers
 
 
 ScenarioArgument = Annotated[
