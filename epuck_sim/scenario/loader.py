@@ -315,7 +315,7 @@ def _choose_version(given: Mapping[str, Any], origin: str, folder: Path | None, 
     if given.get(keys.QUICK) is not None:
         other, where = keys.quick_version(given, origin), f"{origin}: {keys.QUICK}"
         _reject_endings(other, where, folder)
-        validate(other, where)
+        validate(with_robots(other, where, folder), where)
     return keys.without_quick(given)
 
 

@@ -274,12 +274,7 @@ class RobotKind(ConfigModel):
     @classmethod
     def _start_from_kind(cls, given: Any) -> Any:
         section = as_section(given)
-        if not _needs_file(section):
-            return section
-        try:
-            return {**find_robot(section["kind"]).keys, **section}
-        except ScenarioError as error:
-            raise ValueError(f"kind: {error}") from error
+        return {**find_robot(section["kind"]).keys, **section} if _needs_file(section) else section
 
     def _check_together(self) -> None:
         check_range("wheel_base_cm", self.wheel_base_cm, 0, 2 * self.radius_cm, ", the body's diameter")

@@ -119,8 +119,6 @@ class MeasureSection(ConfigModel):
     def _read(cls, given: Any) -> Any:
         if isinstance(given, str):
             return {"measure": given, "parameters": {}}
-        if isinstance(given, MeasureSection):
-            return given
         if not isinstance(given, dict):
             raise ValueError(ONE_MEASURE)  # noqa: TRY004 pydantic gathers ValueErrors
         if len(given) == 1:

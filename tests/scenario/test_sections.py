@@ -190,7 +190,7 @@ def test_a_robot_is_a_file_with_its_sensors_beside_it(tmp_path, monkeypatch) -> 
     cart = "description: mine\nradius_cm: 5\nwheel_base_cm: 8\ninfrared: null\nsensors: [{clock.py: {step: 2.0}}]\n"
     sense = "def sense(world, robot, readings, parameters, random):\n    readings.clock += parameters.step\n"
     clock = f"PARAMETERS = {{'step': 1.0}}\nREADINGS = {{'clock': float}}\n\n\n{sense}"
-    carts = "robot: {kind: cart.yaml, mass_g: 700}\nrobots: [{count: 2}]\n"
+    carts = "robot: {kind: cart.yaml, mass_g: 700}\nrobots: [{count: 2}]\nquick: {trials: 2}\n"
     (tmp_path / "lab").mkdir()
     for name, text in {"cart.yaml": cart, "clock.py": clock, "carts.yaml": carts}.items():
         (tmp_path / "lab" / name).write_text(text)
