@@ -6,7 +6,7 @@ to 98 % of all cases; percentiles of the bootstrap do in 78 to 96 % (docs/statis
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -298,18 +298,13 @@ def mean_and_error(measured: Measured) -> MeanError:
         if values.min() == values.max():  # rounding would change the mean, and give it an error
             return MeanError(float(values[0]), 0.0, freedom)
         return MeanError(float(values.mean()), float(values.std(ddof=1)) / math.sqrt(trials), freedom)
-    curve = survival.make_curve(values, measured.observed)
-    error = math.sqrt(_variance(curve, measured.horizon) * trials / max(trials - 1, 1))
-    return MeanError(float(survival.restricted_means(curve, measured.horizon)[0]), error, freedom)
-
-
-def _variance(curve: survival.SurvivalCurves, horizon: float) -> float:
-    """Return the variance of the restricted mean of one sample, by Greenwood's formula."""
-    at_risk, events = curve.at_risk[0], curve.events[0]
-    edges = np.concatenate([[0.0], np.minimum(curve.times, horizon), [horizon]])
-    areas = curve.survival[0] * np.diff(edges)
+    curve, horizon = survival.make_curve(values, measured.observed), measured.horizon
+    areas = curve.survival[0] * np.diff(np.minimum(curve.times, horizon), prepend=0.0, append=horizon)
     after = areas[::-1].cumsum()[::-1][1:]  # 0 where the last trial at risk synchronises
-    return float((after**2 * events / (at_risk * np.maximum(at_risk - events, 1))).sum())
+    at_risk, events = curve.at_risk[0], curve.events[0]
+    variance = float((after**2 * events / (at_risk * np.maximum(at_risk - events, 1))).sum())  # Greenwood's formula
+    error = math.sqrt(variance * trials / max(trials - 1, 1))
+    return MeanError(float(survival.restricted_means(curve, horizon)[0]), error, freedom)
 
 
 def estimate_share(measured: Measured) -> Estimate:
@@ -348,29 +343,7 @@ def difference(first: Sequence[float], second: Sequence[float]) -> Estimate:
     return Estimate(value, value - math.hypot(b - b_low, a_high - a), value + math.hypot(b_high - b, a - a_low))
 
 
-def _mean(measured: Measured) -> Estimate:
-    return measured.described(UNDETERMINED, "mean") if measured.censored else estimate(measured, Statistic.MEAN)
-
-
-def _median(measured: Measured) -> Estimate:
-    return UNDETERMINED if measured.is_share else estimate(measured, Statistic.MEDIAN)
-
-
-def _restricted_mean(measured: Measured) -> Estimate:
-    is_time = measured.limit < math.inf
-    return estimate(measured, Statistic.MEAN)._replace(name="restricted mean") if is_time else UNDETERMINED
-
-
-def _weibull_mean(measured: Measured) -> Estimate:
-    return estimate(measured, Statistic.WEIBULL_MEAN) if measured.limit < math.inf else UNDETERMINED
-
-
-OF_CENSORED = {"restricted_mean": _restricted_mean, "weibull_mean": _weibull_mean}
-SUMMARIES: Mapping[str, Callable[[Measured], Estimate]] = {"mean": _mean, "median": _median, **OF_CENSORED}
-"""Estimates of `summarize` for a point, by their names in JSON and CSV; `OF_CENSORED` are shown if any are censored.
-
-An estimate that is not defined for a measure is undetermined, and has no name.
-"""
+OF_CENSORED = ("restricted_mean", "weibull_mean")  # estimates that tables show if any trials are censored
 
 
 class PointSummary(NamedTuple):
@@ -381,7 +354,9 @@ class PointSummary(NamedTuple):
     trials: int  # number of trials that have a result, or a value of the measure
     censored: float  # share of these trials that is censored; 0 without trials
     estimates: dict[str, Estimate]
-    """The statistics, by the names in `SUMMARIES`; a mean of truth values is the share that is true."""
+    """The statistics, by their names in JSON and CSV; a mean of truth values is the share that is true.
+
+    One that is not defined for the measure is undetermined, and has no name."""
     unit: str  # unit of the estimates; empty if they have none
     horizon: float
     """Limit of cycles of T_sync, or the longest trial where some were censored before this limit; inf for a measure."""
@@ -405,8 +380,13 @@ class Summaries(list[PointSummary]):
         self.label = label
 
     def table(self, folder: str = "") -> Table:
-        """Return a table of the statistics that apply to some of the points."""
-        names = self._applicable()
+        """Return a table of the statistics that apply to some of the points; people see one mean."""
+        names = {name: each.name for point in reversed(self) for name, each in point.estimates.items() if each.name}
+        if any(point.censored for point in self):
+            every = "restricted mean" if all(point.censored for point in self) else "mean or restricted mean"
+            names |= {"mean": "", "restricted_mean": every}
+        else:
+            names = {name: names[name] for name in names if name not in OF_CENSORED} or {"mean": "mean"}
         is_time = any(point.horizon < math.inf for point in self)
         rows = []
         for point in self:
@@ -415,15 +395,6 @@ class Summaries(list[PointSummary]):
             rows.append(Row(point.axes, {"point": point.point, "trials": point.trials, **cells}))
         title = f"{folder}{': ' * bool(folder)}{self.label}, with 95 % intervals"
         return Table(title, rows, self._notes(), {**names, "unit": ""})
-
-    def _applicable(self) -> dict[str, str]:
-        """Return the headings of the statistics that apply, by name; people see one mean."""
-        is_censored = any(point.censored for point in self)
-        names = {name: each.name for point in reversed(self) for name, each in point.estimates.items() if each.name}
-        if not is_censored:
-            return {name: names[name] for name in names if name not in OF_CENSORED} or {"mean": "mean"}
-        every = "restricted mean" if all(point.censored for point in self) else "mean or restricted mean"
-        return {**names, "mean": "", "restricted_mean": every}
 
     def _notes(self) -> list[str]:
         notes = []
@@ -464,12 +435,25 @@ def summarize(points: Sequence[PointTrials]) -> Summaries:
 
 
 def _summarize_point(point: PointTrials) -> PointSummary:
-    measured, undetermined = measure(point), sum(value is None for value in point.measured)
-    if not len(measured.values):
-        nothing = dict.fromkeys(SUMMARIES, UNDETERMINED)
-        ends = measured.unit, measured.limit
-        return PointSummary(point.number, point.axes, 0, 0.0, nothing, *ends, undetermined=undetermined)
-    estimates = {name: of(measured) for name, of in SUMMARIES.items()}
-    head = point.number, point.axes, len(measured.values), measured.censored
-    unbegun = int(np.count_nonzero(measured.values[~measured.observed] == 0))
-    return PointSummary(*head, estimates, measured.unit, measured.horizon, measured.is_share, unbegun, undetermined)
+    measured = measure(point)
+    estimates = dict.fromkeys(("mean", "median", *OF_CENSORED), UNDETERMINED)
+    if len(measured.values):
+        mean = estimate(measured, Statistic.MEAN)
+        estimates["mean"] = measured.described(UNDETERMINED, "mean") if measured.censored else mean
+        if not measured.is_share:
+            estimates["median"] = estimate(measured, Statistic.MEDIAN)
+        if measured.limit < math.inf:
+            estimates["restricted_mean"] = mean._replace(name="restricted mean")
+            estimates["weibull_mean"] = estimate(measured, Statistic.WEIBULL_MEAN)
+    return PointSummary(
+        point=point.number,
+        axes=point.axes,
+        trials=len(measured.values),
+        censored=measured.censored,
+        estimates=estimates,
+        unit=measured.unit,
+        horizon=measured.horizon,
+        is_share=measured.is_share,
+        unbegun=int(np.count_nonzero(measured.values[~measured.observed] == 0)),
+        undetermined=sum(value is None for value in point.measured),
+    )
