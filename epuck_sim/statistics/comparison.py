@@ -138,9 +138,17 @@ def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTAT
     # sorted, so that the order in which trials are stored does not matter
     pooled = np.concatenate([np.sort(each.values) for each in pair])
     first = len(pair.first.values)
-    blocks = [_contrasts(block, first, of_logarithms) for block in _permutations(pooled, first, seed, count)]
-    differences, variances = (np.concatenate(each) for each in zip(*blocks, strict=True))
-    return differences, variances
+    differences, variances = [], []
+    for trials in _permutations(pooled, first, seed, count):
+        parts = trials[:, :first], trials[:, first:]
+        means = [part.mean(axis=1) for part in parts]
+        squares = [part.var(axis=1, ddof=1) / part.shape[1] for part in parts]  # of the means' standard errors
+        if of_logarithms:
+            squares = [square / mean**2 for square, mean in zip(squares, means, strict=True)]
+            means = [np.log(mean) for mean in means]
+        differences.append(means[1] - means[0])
+        variances.append(squares[0] + squares[1])
+    return np.concatenate(differences), np.concatenate(variances)
 
 
 def _permutations(pooled: FloatArray, first: int, seed: int, count: int) -> Iterator[FloatArray]:
@@ -155,17 +163,6 @@ def _permutations(pooled: FloatArray, first: int, seed: int, count: int) -> Iter
     rows = max(1, _BLOCK_SIZE // len(pooled))
     for start in range(0, count, rows):
         yield random.permuted(np.tile(pooled, (min(rows, count - start), 1)), axis=1)
-
-
-def _contrasts(trials: FloatArray, first: int, of_logarithms: bool) -> tuple[FloatArray, FloatArray]:
-    """Return differences and variances, (b,), of rows of trials, (b, n); the `first` leading ones are one sample."""
-    parts = trials[:, :first], trials[:, first:]
-    means = [part.mean(axis=1) for part in parts]
-    variances = [part.var(axis=1, ddof=1) / part.shape[1] for part in parts]
-    if of_logarithms:
-        variances = [variance / mean**2 for variance, mean in zip(variances, means, strict=True)]
-        means = [np.log(mean) for mean in means]
-    return means[1] - means[0], variances[0] + variances[1]
 
 
 def studentised(permuted: Sequence[Permuted]) -> FloatArray:
@@ -438,11 +435,15 @@ def comparison_tables(compared: Sequence[Comparison]) -> list[Table]:
     for what in ("trials", "censored"):
         headings |= {f"{what}_a": f"{what} {one}", f"{what}_b": f"{what} {other}"}
     pairs = [{} if is_one else {"pair": f"{letters[each.a]}, {letters[each.b]}"} for each in compared]
-    rows = [
-        Row({**pair, **point.axes}, {"a": each.a, "b": each.b, "unit": each.unit} | _point_cells(point, first.of))
-        for pair, each in zip(pairs, compared, strict=True)
-        for point in each.points
-    ]
+    rows = []
+    for pair, each in zip(pairs, compared, strict=True):
+        for point in each.points:
+            cells: dict[str, Any] = {"a": each.a, "b": each.b, "unit": each.unit}
+            cells |= dict(zip(("trials_a", "trials_b"), point.trials, strict=True))
+            if first.of in T_SYNC:
+                cells |= dict(zip(("censored_a", "censored_b"), map(Share, point.censored), strict=True))
+            others = ("first", "second", "difference", "ratio", "p_value", "p_holm")
+            rows.append(Row({**pair, **point.axes}, cells | {name: getattr(point, name) for name in others}))
     notes = [*_notes(compared, headings), *([_over_all(first, headings)] if is_one else [])]
     table = Table(title, rows, list(filter(None, notes)), headings)
     if is_one or max(each.compared for each in compared) < 2:
@@ -451,13 +452,6 @@ def comparison_tables(compared: Sequence[Comparison]) -> list[Table]:
     tested = list(dict.fromkeys(each.tested for each in compared))
     totals = [Row(pair, {name: getattr(each, name) for name in (*tested, "p_value", "p_holm")}) for pair, each in found]
     return [table, Table("Over all points", totals, (), headings)]
-
-
-def _point_cells(point: PointComparison, of: str | None) -> dict[str, Any]:
-    trials = dict(zip(("trials_a", "trials_b"), point.trials, strict=True))
-    censored = dict(zip(("censored_a", "censored_b"), map(Share, point.censored), strict=True)) if of in T_SYNC else {}
-    names = ("first", "second", "difference", "ratio", "p_value", "p_holm")
-    return {**trials, **censored, **{name: getattr(point, name) for name in names}}
 
 
 def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Iterator[str]:

@@ -119,18 +119,12 @@ def smooth_logs(speeds: FloatArray, means: FloatArray, resampled: FloatArray) ->
     x, logs = np.log10(speeds[determined]), np.log(means[determined])
     variances = np.maximum(log_resampled.var(axis=0, ddof=1), MIN_VARIANCE)
     grid = np.linspace(x[0], x[-1], GRID_POINTS)
-    roughness = UNDERSMOOTHING * _likeliest_roughness(x, logs, variances)
-    return SmoothedLogs(10**grid, _smoother(x, variances / roughness, grid), logs, log_resampled, variances)
-
-
-def _smoother(x: FloatArray, penalties: FloatArray, grid: FloatArray) -> FloatArray:
-    """Return the matrix (G, K) of the quintic smoothing spline: least squares plus a penalty on the third derivative.
-
-    It leaves parabolas unchanged, and extrema are like them; a penalty on the curvature would flatten them.
-    """
+    # a quintic smoothing spline, least squares plus a penalty on the third derivative, leaves parabolas unchanged, and
+    # extrema are like them; a penalty on the curvature would flatten them
+    penalties = variances / (UNDERSMOOTHING * _likeliest_roughness(x, logs, variances))
     smoothing = QUINTIC_SCALE * penalties
     spline = RBFInterpolator(x[:, None], np.eye(len(x)), smoothing=smoothing, kernel="quintic", degree=2)
-    return np.asarray(spline(grid[:, None]))
+    return SmoothedLogs(10**grid, np.asarray(spline(grid[:, None])), logs, log_resampled, variances)
 
 
 def _likeliest_roughness(x: FloatArray, logs: FloatArray, variances: FloatArray) -> float:
@@ -294,25 +288,21 @@ def find_fast_speed(curve: Curve) -> Place | None:
     speeds, limit = curve.x[moving], float(curve.scenario.stop.max_cycles)
     times = np.vstack([curve.values[moving], curve.resampled[:, moving]])
     times = np.where(np.isfinite(times), times, limit)
-    found = _last_crossings(np.log(speeds), np.log(times))
+    x, logs = np.log(speeds), np.log(times)
+    # where each curve last falls below its threshold
+    threshold = logs[:, -1] + math.log(FAST_FACTOR)
+    above = logs > threshold[:, None]
+    last = len(x) - 1 - above[:, ::-1].argmax(axis=1)
+    before, rows = np.minimum(last, len(x) - 2), np.arange(len(logs))
+    high, low = logs[rows, before], logs[rows, before + 1]
+    is_crossed = above.any(axis=1)  # else the two may be equal
+    share = np.where(is_crossed, (high - threshold) / np.where(is_crossed, high - low, 1), np.nan)
+    found = np.exp(x[before] + share * (x[before + 1] - x[before]))
     value, resampled = float(found[0]), found[1:]
     known = resampled[np.isfinite(resampled)]
     if math.isnan(value) or not len(known):
         return None
-    halfway = np.interp(math.log(value * speeds[-1]) / 2, np.log(speeds), np.log(times[0]))
+    halfway = np.interp(math.log(value * speeds[-1]) / 2, x, logs[0])
     if halfway > math.log(LEVEL_FACTOR * times[0, -1]):
         return None
     return Place(Estimate(value, *np.percentile(known, [2.5, 97.5]).tolist()), resampled)
-
-
-def _last_crossings(x: FloatArray, logs: FloatArray) -> FloatArray:
-    """Return where each curve of log T, (B, S), last falls below its threshold, cm/s; NaN where it never does."""
-    above = logs > logs[:, -1:] + math.log(FAST_FACTOR)
-    last = above.shape[1] - 1 - above[:, ::-1].argmax(axis=1)
-    before = np.minimum(last, len(x) - 2)
-    rows = np.arange(len(logs))
-    high, low = logs[rows, before], logs[rows, before + 1]
-    threshold = logs[:, -1] + math.log(FAST_FACTOR)
-    is_crossed = above.any(axis=1)  # else the two may be equal
-    share = np.where(is_crossed, (high - threshold) / np.where(is_crossed, high - low, 1), np.nan)
-    return np.asarray(np.exp(x[before] + share * (x[before + 1] - x[before])))

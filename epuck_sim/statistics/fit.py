@@ -234,23 +234,24 @@ def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> li
         )
     with refused_at(str(points.folder)):
         check_speed_alone(curves)
-    return [_fit_curve(str(points.folder), curve) for curve in curves]
-
-
-def _fit_curve(run: str, curve: Curve) -> FittedCurve:
-    model, search = curve.scenario.model, search_extrema(curve)
-    v_f = find_fast_speed(curve) if "V_f" in LAWS.get(model, {}) else None
-    return FittedCurve(
-        run=run,
-        axes=curve.axes,
-        parameters=curve.scenario.scales,
-        others=_other_settings(curve.scenario),
-        model=model,
-        names=list(dict.fromkeys(curve.names)),
-        places=search.places | ({"V_f": v_f} if v_f else {}),
-        p_value=search.p_value,
-        reason=search.reason,
-    )
+    found = []
+    for curve in curves:
+        model, (places, p_value, reason) = curve.scenario.model, search_extrema(curve)
+        if "V_f" in LAWS.get(model, {}) and (v_f := find_fast_speed(curve)):
+            places = {**places, "V_f": v_f}
+        fitted = FittedCurve(
+            run=str(points.folder),
+            axes=curve.axes,
+            parameters=curve.scenario.scales,
+            others=_other_settings(curve.scenario),
+            model=model,
+            names=list(dict.fromkeys(curve.names)),
+            places=places,
+            p_value=p_value,
+            reason=reason,
+        )
+        found.append(fitted)
+    return found
 
 
 def _other_settings(scenario: Scenario) -> str:
@@ -277,36 +278,26 @@ def _fit_laws(alike: Sequence[FittedCurve]) -> Laws:
     model, rows = alike[0].model, [{"run": curve.run, **curve.axes} for curve in alike]
     shared = {key: value for key, value in rows[0].items() if all(row.get(key) == value for row in rows)}
     parameters = {name: np.array([curve.parameters[name] for curve in alike]) for name in alike[0].parameters}
-    quantities = _quantities(alike)
+    resamples = max(len(place.resampled) for curve in alike for place in curve.places.values())
+    missing = Place(UNDETERMINED, np.full(resamples, math.nan))
+    quantities: dict[str, Quantity] = {}
+    for name in QUANTITIES:
+        places = [curve.places.get(name, missing) for curve in alike]
+        if any(place is not missing for place in places):
+            values = np.array([place.estimate.value for place in places])
+            quantities[name] = values, np.stack([place.resampled for place in places], axis=1)
     try:
         exponents = compare_laws(LAWS.get(model, LAWS["embodied"]), parameters, quantities)
     except ValueError as error:
         return Laws(model, shared, len(alike), [], {}, str(error))
     several = f"{counted(len(alike), 'curve')} with {FOUND.get(model, FOUND['embodied'])}"
     reason = "" if exponents else f"{several}, none of which differ in epsilon, L, N or tau"
-    offset_laws = {} if model == "particles" or reason else _offset_laws(parameters, quantities)
+    offset_laws: dict[str, OffsetLaw] = {}
+    if model != "particles" and not reason:
+        with suppress(ValueError):  # the curves do not vary in what these laws depend on
+            for name in ("T_m", "T_p"):
+                offset_laws[name] = fit_offset_law(parameters, *quantities[name])
     return Laws(model, shared, len(alike), exponents, offset_laws, reason)
-
-
-def _quantities(curves: Sequence[FittedCurve]) -> dict[str, Quantity]:
-    resamples = max(len(place.resampled) for curve in curves for place in curve.places.values())
-    missing = Place(UNDETERMINED, np.full(resamples, math.nan))
-    found = {}
-    for name in QUANTITIES:
-        if any(name in curve.places for curve in curves):
-            places = [curve.places.get(name, missing) for curve in curves]
-            values = np.array([place.estimate.value for place in places])
-            found[name] = values, np.stack([place.resampled for place in places], axis=1)
-    return found
-
-
-def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> dict[str, OffsetLaw]:
-    """Return the laws of T_m and T_p; none where the curves do not vary in what these depend on."""
-    laws = {}
-    with suppress(ValueError):
-        for name in ("T_m", "T_p"):
-            laws[name] = fit_offset_law(parameters, *quantities[name])
-    return laws
 
 
 FOUND = {"embodied": "a minimum and a peak", "particles": "a minimum and a peak, or V_f"}
@@ -328,24 +319,20 @@ NOISE_ALONE = (
 
 def fit_tables(curves: Sequence[FittedCurve], laws: Sequence[Laws]) -> list[Table]:
     """Return the table of the minimum and the peak of each curve, and those of the laws."""
-    if not any(each.exponents for each in laws):
-        reasons = dict.fromkeys(each.reason for each in laws) or ["no curve has a local minimum and a peak"]
-        return [_extrema_table(curves), Table(f"No laws: {'; '.join(reasons)}.", [])]
-    return [_extrema_table(curves), *_laws_tables(laws)]
-
-
-def _extrema_table(curves: Sequence[FittedCurve]) -> Table:
     has_v_f = any("V_f" in LAWS.get(curve.model, {}) for curve in curves)
     wanted = ["v_m", "t_m", "v_p", "t_p", "p_value", *["v_f"] * has_v_f]
-    records = [curve.record() for curve in curves]
-    rows = _rows(curves, [{name: found[name] for name in wanted} for found in records])
+    rows = _rows(curves, [{name: curve.record()[name] for name in wanted} for curve in curves])
     units = {"v": "cm/s", "t": "cycles"}
     headings = {name: f"{name.capitalize()} ({units[name[0]]})" for name in wanted if name != "p_value"}
     statistics = " or ".join(dict.fromkeys(name for curve in curves for name in curve.names))
     notes = [f"T_m and T_p: {statistics}. -: no minimum and peak that stand out from noise."]
     notes += _reasons(curves)
     notes += [f"V_f: from there on T_sync is less than {FAST_FACTOR:g} times that at the largest speed."] * has_v_f
-    return Table("Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p"})
+    extrema = Table("Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p"})
+    if any(each.exponents for each in laws):
+        return [extrema, *_laws_tables(laws)]
+    reasons = dict.fromkeys(each.reason for each in laws) or ["no curve has a local minimum and a peak"]
+    return [extrema, Table(f"No laws: {'; '.join(reasons)}.", [])]
 
 
 def _rows(found: "Sequence[FittedCurve | MeasureFit | PowersFit]", cells: Iterable[Mapping[str, Any]]) -> list[Row]:
@@ -395,14 +382,13 @@ class MeasureFit(NamedTuple):
 
     def record(self) -> dict[str, Any]:
         """Return the fit as JSON holds it: place and value are None where they may be noise."""
-        return {**self._asdict(), "minimum": _record(self.minimum), "peak": _record(self.peak)}
-
-
-def _record(found: Extrema | None) -> dict[str, Any] | None:
-    if found is None or math.isnan(found.values[0]):
-        return None
-    place, value = [each.estimate for each in found.places] or (None, None)
-    return {"place": place, "value": value, "p_value": found.p_value}
+        record = self._asdict()
+        for name, found in (("minimum", self.minimum), ("peak", self.peak)):
+            if found is not None:
+                place, value = [each.estimate for each in found.places] or (None, None)
+                extremum = {"place": place, "value": value, "p_value": found.p_value}
+                record[name] = None if math.isnan(found.values[0]) else extremum
+        return record
 
 
 def fit_measure(
@@ -410,19 +396,18 @@ def fit_measure(
 ) -> list[MeasureFit]:
     """Find the minimum and the peak of each curve of a measure along an axis, by default the speed."""
     chosen, curves = sweep_curves(points, axis, statistic)
-    return [_fit_measure(str(points.folder), chosen, curve) for curve in curves]
-
-
-def _fit_measure(run: str, axis: str, curve: Curve) -> MeasureFit:
-    head = run, curve.of or "T_sync", axis, curve.axes, curve.names[0]
-    usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & (curve.censored < MOST_CENSORED)
-    usable &= np.isfinite(curve.values)
-    reason = _reason_against(curve, usable)
-    if reason:
-        return MeasureFit(*head, None, None, reason)
-    fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
-    assert fit is not None  # there are `MIN_SPEEDS` points or more
-    return MeasureFit(*head, find_minimum(fit), find_peak(fit), "")
+    found = []
+    for curve in curves:
+        usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & (curve.censored < MOST_CENSORED)
+        usable &= np.isfinite(curve.values)
+        minimum = peak = None
+        if not (reason := _reason_against(curve, usable)):
+            fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
+            assert fit is not None  # there are `MIN_SPEEDS` points or more
+            minimum, peak = find_minimum(fit), find_peak(fit)
+        head = str(points.folder), curve.of or "T_sync", chosen, curve.axes, curve.names[0]
+        found.append(MeasureFit(*head, minimum, peak, reason))
+    return found
 
 
 def _reason_against(curve: Curve, usable: BoolArray) -> str:
@@ -443,17 +428,15 @@ def _reason_against(curve: Curve, usable: BoolArray) -> str:
 
 def measure_fit_table(fits: Sequence[MeasureFit]) -> Table:
     """Return a table of the minimum and the peak of each curve."""
-    parts = {"place": "{} at", "value": "{}", "p_value": "p of {}"}
-    records = [fit.record() for fit in fits]
+    texts = {"place": "{} at", "value": "{}", "p_value": "p of {}"}
+    parts = [(f"{name}_{part}", name, part) for name in ("minimum", "peak") for part in texts]
     cells = [
-        {f"{name}_{part}": (found[name] or {}).get(part) for name in ("minimum", "peak") for part in parts}
-        for found in records
+        {key: (found[name] or {}).get(part) for key, name, part in parts} for found in map(MeasureFit.record, fits)
     ]
     of, axes = fits[0].of, " or ".join(dict.fromkeys(fit.axis for fit in fits))
     statistics = " or ".join(dict.fromkeys(fit.statistic for fit in fits))
-    notes = [f"{of}: {statistics}. -: none between the ends of the axis that stands out from noise."]
-    notes += _reasons(fits)
-    headings = {f"{name}_{part}": text.format(name) for name in ("minimum", "peak") for part, text in parts.items()}
+    notes = [f"{of}: {statistics}. -: none between the ends of the axis that stands out from noise.", *_reasons(fits)]
+    headings = {key: texts[part].format(name) for key, name, part in parts}
     return Table(f"Minimum and peak of {of} against {axes}, with 95 % intervals", _rows(fits, cells), notes, headings)
 
 
@@ -525,10 +508,18 @@ def _fit_powers(run: str, points: Sequence[PointTrials], axes: Sequence[str], ot
 
 def powers_table(fits: Sequence[PowersFit]) -> Table:
     """Return a table of the factor and the exponents for each combination of the other axes."""
-    keys = list(dict.fromkeys(key for fit in fits for key in fit.exponents))
-    exponents = ({key: fit.exponents.get(key) for key in keys} for fit in fits)
-    others = ({name: getattr(fit, name) for name in ("trials", "censored", "points", "misfit")} for fit in fits)
-    cells = ({"factor": fit.factor, **each, **more} for fit, each, more in zip(fits, exponents, others, strict=True))
+    keys, others = (
+        list(dict.fromkeys(key for fit in fits for key in fit.exponents)),
+        ("trials", "censored", "points", "misfit"),
+    )
+    cells = [
+        {
+            "factor": fit.factor,
+            **{key: fit.exponents.get(key) for key in keys},
+            **{name: getattr(fit, name) for name in others},
+        }
+        for fit in fits
+    ]
     notes = [
         "Median: the factor times each axis to its exponent. Trials are taken as log-normal about it, censored ones as "
         "longer than their limit.",

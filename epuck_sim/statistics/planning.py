@@ -10,7 +10,7 @@ from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.statistic import Measured, estimate, mean_and_error, measure, quantity
+from epuck_sim.statistics.statistic import estimate, mean_and_error, measure, quantity
 from epuck_sim.statistics.survival import QUANTILE
 
 POWER = 0.8  # default probability of seeing a difference
@@ -75,7 +75,9 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     for point, each in zip(points, measured, strict=True):
         count = len(each.values)
         found = estimate(each, Statistic.MEAN) if count else UNDETERMINED._replace(name="mean")
-        spread = math.nan if each.is_share else _relative_spread(each)
+        mean, error, _ = mean_and_error(each)
+        has_spread = count >= MIN_TRIALS and error != 0 and mean != 0 and not each.is_share
+        spread = error * math.sqrt(count) / abs(mean) if has_spread else math.nan
         scale = spread if not is_of_shares else found.value if count >= MIN_TRIALS else math.nan
         trials = None if math.isnan(scale) else needed([scale], difference, power)
         planned.append(PointPlan(point.number, point.axes, count, found.name, found.value, spread, trials))
@@ -85,13 +87,6 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     is_one_sign = len({mean > 0 for _, mean in scatter}) == 1 or is_of_shares
     over_all = needed([scale for scale, _ in scatter], difference, power) if scatter and is_one_sign else None
     return TrialPlan(difference, power, planned, over_all, points[0].of, is_of_shares)
-
-
-def _relative_spread(measured: Measured) -> float:
-    mean, error, _ = mean_and_error(measured)
-    if len(measured.values) < MIN_TRIALS or error == 0 or mean == 0:
-        return math.nan
-    return error * math.sqrt(len(measured.values)) / abs(mean)
 
 
 def trials_needed(spreads: Sequence[float], difference: float, power: float = POWER) -> int:

@@ -127,8 +127,7 @@ def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:
 
     If the longest trial is censored before the horizon, R is taken as constant after it.
     """
-    edges = np.concatenate([[0.0], np.minimum(curves.times, horizon), [horizon]])
-    return curves.survival @ np.diff(edges)
+    return curves.survival @ np.diff(np.minimum(curves.times, horizon), prepend=0.0, append=horizon)
 
 
 MIN_UNCENSORED = 0.1  # smallest share of uncensored trials from which the mean is estimated (Appendix A)
