@@ -109,18 +109,14 @@ def _draw_robot(
         front = {"x2": x + radius * math.cos(heading), "y2": y - radius * math.sin(heading)}
         parts.append(element("line", stroke="white", stroke_width=0.25 * radius, x1=x, y1=y, **front))
     if label:
-        parts.append(_write_number(label, place, radius, font))
+        style: dict[str, object] = {"font_family": "sans-serif", "font_size": font, "dominant_baseline": "central"}
+        looks: dict[str, object] = {"x": x + 1.2 * radius, "y": y, "fill": "currentColor"}  # beside the disc
+        if font <= SHARE_OF_NUMBERS * radius:
+            looks = {"x": x, "y": y, "fill": "white", "text_anchor": "middle", "stroke": "#1c2126"}
+            looks |= {"stroke_width": 0.2 * radius, "paint_order": "stroke"}
+        parts.append(element("text", label, **looks, **style))
     state = "lit" if is_lit else "dark"
     return element("g", element("title", f"{label}: {state}" if label else state), *parts, class_=state)
-
-
-def _write_number(label: str, place: tuple[float, float], radius: float, font: float) -> Element:
-    style: dict[str, object] = {"font_family": "sans-serif", "font_size": font, "dominant_baseline": "central"}
-    x, y = place
-    if font > SHARE_OF_NUMBERS * radius:
-        return element("text", label, x=x + 1.2 * radius, y=y, fill="currentColor", **style)
-    outline = {"stroke": "#1c2126", "stroke_width": 0.2 * radius, "paint_order": "stroke"}
-    return element("text", label, x=x, y=y, fill="white", text_anchor="middle", **outline, **style)
 
 
 def _circle(x: float, y: float, radius: float, **attributes: object) -> Element:

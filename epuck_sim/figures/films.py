@@ -56,54 +56,49 @@ def draw_track(track: Track, snapshot: TrackedFrame | None = None) -> Figure:
     figure = Figure(figsize=(15.5 if snapshot else 11, 10), dpi=120, layout="constrained")
     places = figure.add_gridspec(2, 2, width_ratios=(4, 10), height_ratios=(3, 2))
     if snapshot:
-        _draw_picture(figure.add_subfigure(places[0, 0]), track, snapshot)
+        panel, rings = figure.add_subfigure(places[0, 0]).subplots(), counted(len(snapshot.rings), "ring")
+        panel.imshow(snapshot.frame.picture)
+        for ring in snapshot.rings:
+            panel.add_patch(Circle((ring.x_px, ring.y_px), ring.radius_px, fill=False, color=FOUND, linewidth=2))
+        panel.set(xticks=[], yticks=[])
+        panel.set_title(f"{track.periods_at(snapshot.frame.time_s):.1f} periods: {rings}", fontsize="medium")
     _draw_snapshots(figure.add_subfigure(places[0, 1 if snapshot else 0 :]), track)
     counts, detector = figure.add_subfigure(places[1, :]).subplots(2, 1, sharex=True)
-    _draw_counts(counts, track)
+    times = track.periods_at(track.times_s)
+    _fill_counts(counts, times, track.counts, times[-1])
+    counts.set(ylabel="lit rings", ylim=(0, 1.1 * _max_count(track)), xlim=(times[0], times[-1]))
+    counts.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+    _mark_synchrony(counts, track)
     _draw_spreads(detector, track)
     add_shared_legend(figure, [detector])
     return figure
 
 
-def _draw_picture(page: SubFigure, track: Track, snapshot: TrackedFrame) -> None:
-    panel = page.subplots()
-    panel.imshow(snapshot.frame.picture)
-    for ring in snapshot.rings:
-        panel.add_patch(Circle((ring.x_px, ring.y_px), ring.radius_px, fill=False, color=FOUND, linewidth=2))
-    rings = counted(len(snapshot.rings), "ring")
-    panel.set(xticks=[], yticks=[])
-    panel.set_title(f"{track.periods_at(snapshot.frame.time_s):.1f} periods: {rings}", fontsize="medium")
-
-
 def _draw_snapshots(page: SubFigure, track: Track) -> None:
-    grid = page.subplots(3, ACROSS, sharex=True, sharey=True)
+    """Draw histograms of moments, the present at the right; long lines mark a period, a short one its midpoint."""
+    grid, period_s, top = page.subplots(3, ACROSS, sharex=True, sharey=True), track.period_s, _max_count(track)
     letters = iter(ascii_lowercase)
     for panels, moments in zip(grid, choose_moments(track), strict=True):
         for panel, (now_s, evaluation) in zip(panels, moments, strict=False):
-            _draw_snapshot(panel, track, now_s, evaluation)
+            oldest_s = max(now_s - SHOWN_PERIODS * period_s, track.start_s)
+            shown = slice(*np.searchsorted(track.times_s, (oldest_s, now_s)))
+            _fill_counts(panel, track.times_s[shown] - now_s, track.counts[shown], 0.0)
+            panel.vlines([-period_s, 0], 0, 1.2 * top, color=MARK, linewidth=1.6)
+            panel.vlines(-period_s / 2, 1.05 * top, 1.2 * top, color=MARK, linewidth=1.6)
+            panel.tick_params(labelsize="small")
+            if evaluation is not None:
+                is_first = _is_first_synchrony(track, evaluation)
+                looks: dict[str, Any] = {"color": SYNC, "weight": "bold"} if is_first else {}
+                looks |= {"ha": "center", "va": "bottom", "fontsize": "small"}
+                panel.text(-period_s / 2, 1.24 * top, f"{1000 * evaluation.spread_s:.0f} ms", **looks)
             title = f"({next(letters)}) {round(track.periods_at(now_s), 2):g} periods"
             panel.set_title(title, fontsize="small", loc="left", pad=3)
         for unused in panels[len(moments) :]:
             unused.set_axis_off()
-    grid[0, 0].set(xlim=(-SHOWN_PERIODS * track.period_s, 0.03 * track.period_s), ylim=(0, 1.45 * _max_count(track)))
+    grid[0, 0].set(xlim=(-SHOWN_PERIODS * period_s, 0.03 * period_s), ylim=(0, 1.45 * top))
     grid[0, 0].yaxis.set_major_locator(MaxNLocator(4, integer=True))
     page.supxlabel("time from now (s)", fontsize="small")
     page.supylabel("lit rings", fontsize="small")
-
-
-def _draw_snapshot(panel: Axes, track: Track, now_s: float, evaluation: Evaluation | None) -> None:
-    """Draw the histogram of a moment, the present at the right; long lines mark a period, a short one its midpoint."""
-    period_s, top = track.period_s, _max_count(track)
-    oldest_s = max(now_s - SHOWN_PERIODS * period_s, track.start_s)
-    shown = slice(*np.searchsorted(track.times_s, (oldest_s, now_s)))
-    _fill_counts(panel, track.times_s[shown] - now_s, track.counts[shown], 0.0)
-    panel.vlines([-period_s, 0], 0, 1.2 * top, color=MARK, linewidth=1.6)
-    panel.vlines(-period_s / 2, 1.05 * top, 1.2 * top, color=MARK, linewidth=1.6)
-    panel.tick_params(labelsize="small")
-    if evaluation is not None:
-        style: dict[str, Any] = {"color": SYNC, "weight": "bold"} if _is_first_synchrony(track, evaluation) else {}
-        label = f"{1000 * evaluation.spread_s:.0f} ms"
-        panel.text(-period_s / 2, 1.24 * top, label, ha="center", va="bottom", fontsize="small", **style)
 
 
 def _max_count(track: Track) -> int:
@@ -117,14 +112,6 @@ def _fill_counts(panel: Axes, times: FloatArray, counts: IntArray, end: float) -
     edges = np.column_stack([times, frame_ends(times, end)]).ravel()
     heights = np.column_stack([counts, np.zeros_like(counts)]).ravel()[:-1]
     panel.stairs(heights, edges, fill=True, facecolor=BAR, edgecolor=BAR, linewidth=0.4)
-
-
-def _draw_counts(panel: Axes, track: Track) -> None:
-    times = track.periods_at(track.times_s)
-    _fill_counts(panel, times, track.counts, times[-1])
-    panel.set(ylabel="lit rings", ylim=(0, 1.1 * _max_count(track)), xlim=(times[0], times[-1]))
-    panel.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    _mark_synchrony(panel, track)
 
 
 def _draw_spreads(panel: Axes, track: Track) -> None:
@@ -173,21 +160,18 @@ def _is_first_synchrony(track: Track, evaluation: Evaluation) -> bool:
 
 
 def save_comparison_figure(path: Path, rows: "Sequence[QuantityComparison]") -> list[Path]:
-    """Draw a film beside trials, and write a table of all values; raise EpuckSimError if a file cannot be written."""
-    return save_figure(parse_target(path), lambda: draw_comparison(rows), {".csv": _comparison_csv(rows)})
+    """Draw a film beside trials, and write a table of all values; raise EpuckSimError if a file cannot be written.
 
-
-def _comparison_csv(rows: "Sequence[QuantityComparison]") -> str:
-    """Return CSV with a row for each quantity and trial, and one, whose trial is `film`, for the film.
-
-    The column `status` says why there is no value: it is `beyond` the film's end, or `unknown`.
+    The table has a row for each quantity and trial, and one, whose trial is `film`, for the film. Its column `status`
+    says why there is no value: it is `beyond` the film's end, or `unknown`.
     """
     cells: list[list[Any]] = []
     for row in rows:
         for trial, value in [("film", row.film), *enumerate(row.trials.tolist())]:
             status = "unknown" if math.isnan(value) else "beyond" if math.isinf(value) else "known"
             cells.append([row.name, row.unit, trial, csv_cell(value), status])
-    return csv_text(("quantity", "unit", "trial", "value", "status"), cells)
+    table = csv_text(("quantity", "unit", "trial", "value", "status"), cells)
+    return save_figure(parse_target(path), lambda: draw_comparison(rows), {".csv": table})
 
 
 def draw_comparison(rows: "Sequence[QuantityComparison]") -> Figure:
@@ -197,22 +181,18 @@ def draw_comparison(rows: "Sequence[QuantityComparison]") -> Figure:
     figure = Figure(figsize=(3.6 * PANELS_ACROSS, 2.3 * down), dpi=300, layout="constrained")
     panels = figure.subplots(down, PANELS_ACROSS, squeeze=False).ravel()
     for panel, row in zip(panels, rows, strict=False):
-        _draw_quantity(panel, row)
+        values = row.trials[np.isfinite(row.trials)]
+        spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
+        edges = 12 if spread > ROUNDING * abs(values).max() else [values[0] - 0.5, values[0] + 0.5]
+        panel.hist(values, edges, color=TRIALS)
+        notes = [f"{row.beyond} trials beyond the film's end"] * (row.beyond > 0)
+        if math.isfinite(row.film):
+            panel.axvline(row.film, color=FILM, linewidth=2)
+        else:
+            notes.append("film: beyond its end")
+        notes.append(f"film at {row.percentile:.0f} %")
+        panel.set_title("\n".join(notes), fontsize="small", loc="left")
+        panel.set(xlabel=f"{row.name} ({row.unit})", ylabel="trials")
     for panel in panels[len(rows) :]:
         panel.set_axis_off()
     return figure
-
-
-def _draw_quantity(panel: Axes, row: "QuantityComparison") -> None:
-    values = row.trials[np.isfinite(row.trials)]
-    spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
-    edges = 12 if spread > ROUNDING * abs(values).max() else [values[0] - 0.5, values[0] + 0.5]
-    panel.hist(values, edges, color=TRIALS)
-    notes = [f"{row.beyond} trials beyond the film's end"] * (row.beyond > 0)
-    if math.isfinite(row.film):
-        panel.axvline(row.film, color=FILM, linewidth=2)
-    else:
-        notes.append("film: beyond its end")
-    notes.append(f"film at {row.percentile:.0f} %")
-    panel.set_title("\n".join(notes), fontsize="small", loc="left")
-    panel.set(xlabel=f"{row.name} ({row.unit})", ylabel="trials")

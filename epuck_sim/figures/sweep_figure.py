@@ -97,8 +97,11 @@ def read_form(
         raise EpuckSimError("names, where and of are for run folders; for points, give read_points(folder, of=NAME)")
     points = points or _read_folders(folders, of, where, names)
     folder = str(folders[0]) if folders else "the scenario"
-    given = _with_full_keys({name: value for name, value in options.items() if value is not None}, points, prefix)
-    scenario = points[0].scenario
+    rows, scenario = [point.axes for point in points], points[0].scenario
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    given |= {name: axis_key(given[name], rows, f"{prefix}{name}") for name in ("x", "y", "panels") if name in given}
+    if isinstance(labels := given.get("labels"), Mapping):  # otherwise validation refuses it
+        given["labels"] = {axis_key(key, rows, f"{prefix}label"): text for key, text in labels.items()}
     wanted = {**scenario.model_dump(mode="json"), "figure": {**scenario.figure.model_dump(mode="json"), **given}}
     section = validate(wanted, folder).figure
     name = section.form if "form" in given else _usual_form(points)
@@ -116,16 +119,6 @@ def read_form(
     limits = [f"only points with {' and '.join(where)}"] if where else []
     form.ran, form.ties = _describe(points, folders), [*limits, *_tell_ties(points, section.labels)]
     return form
-
-
-def _with_full_keys(given: Mapping[str, Any], points: Sequence[PointTrials], prefix: str) -> dict[str, Any]:
-    rows = [point.axes for point in points]
-    full: dict[str, Any] = {
-        name: axis_key(given[name], rows, f"{prefix}{name}") for name in ("x", "y", "panels") if name in given
-    }
-    if isinstance(given.get("labels"), Mapping):  # otherwise validation refuses it
-        full["labels"] = {axis_key(key, rows, f"{prefix}label"): text for key, text in given["labels"].items()}
-    return {**given, **full}
 
 
 def _read_folders(

@@ -114,12 +114,15 @@ class Curves(Form):
 
     @property
     def tables(self) -> Mapping[str, str]:
-        """The points of the curves, and of T_sync against speed their minima and peaks."""
+        """The points of the curves, and minima and peaks of T_sync against speed, which may be noise, or a reason."""
         points = {".csv": curves_table(self.axis, self.curves, self.names)}
         if NOT_A_SPEED in self.searches:
             return points
-        each = zip(self.curves, self.searches, strict=True)
-        return {**points, "-regimes.csv": tabulate_rows([_extrema_row(*found) for found in each])}
+        rows = []
+        for curve, search in zip(self.curves, self.searches, strict=True):
+            places = {name.lower(): search.places[name].estimate if search.places else UNDETERMINED for name in PLACES}
+            rows.append(Row(curve.axes, {**places, "p_value": search.p_value, "reason": search.reason}))
+        return {**points, "-regimes.csv": tabulate_rows(rows)}
 
     @property
     def notes(self) -> Sequence[str]:
@@ -211,12 +214,6 @@ def curves_table(axis: str, curves: Sequence[Curve], values: Sequence[str] = ())
     columns = [(c.trials, c.censored, c.names, c.values, *c.intervals.T) for c in curves]
     each = zip(curves, xs, columns, strict=True)
     return tabulate((c.axes, {axis: x, **c.tied, **dict(zip(POINT_COLUMNS, row, strict=True))}) for c, x, row in each)
-
-
-def _extrema_row(curve: Curve, search: ExtremaSearch) -> Row:
-    """Return a curve's row: minimum and peak with p-value, the p-value alone if they may be noise, or the reason."""
-    places = {name.lower(): search.places[name].estimate if search.places else UNDETERMINED for name in PLACES}
-    return Row(curve.axes, {**places, "p_value": search.p_value, "reason": search.reason})
 
 
 def is_base_case(curve: Curve) -> bool:

@@ -124,8 +124,11 @@ class Maps(Form):
             style.mark_wholes(panel.yaxis, y)
             shown = np.ma.masked_invalid(np.log10(each.values) if is_log else each.values)
             _draw_cells(panel, each, shown, norm, cells)
-            if has_contours:
-                _draw_contours(panel, each, shown, norm, scales)
+            if has_contours:  # in the coordinates of the page, as contours between points of a logarithmic axis are
+                places = [np.log10(at) if log else at for at, log in zip((each.x, each.y), scales, strict=True)]
+                looks: Any = {"cmap": COLOURS, "norm": norm, "levels": levels}
+                page = panel.transLimits + panel.transAxes
+                panel.contourf(*places, shown, corner_mask=False, transform=page, **looks)
         for panel in panels:
             panel.set(**ends)
         label = style.typeset(statistic_label(names_of(self._rows), self.quantity))
@@ -139,22 +142,22 @@ class Maps(Form):
 
 def read_maps(points: Sequence[PointTrials], x: str, y: str, statistic: Statistic = Statistic.MEAN) -> list[Map]:
     """Estimate a map for each combination of the values of the other axes, in the order of the sweep."""
-    return [_map(group, x, y, others, statistic) for others, group in group_by_other_axes(points, y, x)]
-
-
-def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any], statistic: Statistic) -> Map:
-    rows = [
-        estimate_curve(list(row), x, {**others, y: value}, statistic)
-        for value, row in groupby(points, lambda each: each.axes[y])
-    ]
-    xs = np.unique(np.concatenate([row.x for row in rows]))
-    values = np.full((len(rows), len(xs)), np.nan)
-    is_tried = np.zeros(values.shape, bool)
-    for place, row in enumerate(rows):
-        columns = np.searchsorted(xs, row.x)
-        values[place, columns] = np.where(row.censored < MOST_CENSORED, row.values, np.nan)
-        is_tried[place, columns] = True
-    return Map(others, xs, np.array([row.axes[y] for row in rows], np.float64), values, is_tried, rows)
+    maps = []
+    for others, group in group_by_other_axes(points, y, x):
+        rows = [
+            estimate_curve(list(row), x, {**others, y: value}, statistic)
+            for value, row in groupby(group, lambda each: each.axes[y])
+        ]
+        xs = np.unique(joined(rows, "x"))
+        values = np.full((len(rows), len(xs)), np.nan)
+        is_tried = np.zeros(values.shape, bool)
+        for place, row in enumerate(rows):
+            columns = np.searchsorted(xs, row.x)
+            values[place, columns] = np.where(row.censored < MOST_CENSORED, row.values, np.nan)
+            is_tried[place, columns] = True
+        ys = np.array([row.axes[y] for row in rows], np.float64)
+        maps.append(Map(others, xs, ys, values, is_tried, rows))
+    return maps
 
 
 def _draw_cells(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, edges: Sequence[FloatArray]) -> None:
@@ -167,13 +170,6 @@ def _draw_cells(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, edges: 
         reason = "half of the trials or more are censored" if each.rows[0].of in T_SYNC else "no trial has a value"
         cells.set(hatch="////", label=reason)
         cells.update_scalarmappable()  # so that the legend has the same colour
-
-
-def _draw_contours(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, scales: Sequence[bool]) -> None:
-    # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
-    places = [np.log10(axis) if is_log else axis for axis, is_log in zip((each.x, each.y), scales, strict=True)]
-    looks: Any = {"cmap": COLOURS, "norm": norm, "levels": norm.boundaries}
-    panel.contourf(*places, values, corner_mask=False, transform=panel.transLimits + panel.transAxes, **looks)
 
 
 def _edges(values: FloatArray, is_log: bool) -> FloatArray:

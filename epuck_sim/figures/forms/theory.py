@@ -106,21 +106,17 @@ class PredictedCurves(Curves):
 
     def draw(self, panels: Sequence[Axes]) -> None:
         for panel, each, (*_, look) in zip(self.panels_of(panels), self.predicted, self.placed, strict=False):
-            draw_prediction(panel, each, look.colour)
+            speeds, times, at_any = each
+            looks: Any = {"color": look.colour, **DASHES}
+            panel.plot(speeds, times, **looks)
+            for limit, edge in ((at_any.t_sync_frozen, (0, EDGE)), (at_any.t_sync_fast, (1 - EDGE, 1))):
+                panel.plot(edge, (limit.value,) * 2, transform=panel.get_yaxis_transform(), **looks)
+            for place, marker in each.places:
+                ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
+                time = np.interp(np.log(place.value), np.log(speeds), times)
+                panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=look.colour, **PLACE)
         super().draw(panels)
         if self.predicted:
             panels[0].plot([], [], color=GREY, label="predicted", **DASHES)
         if any(each.places for each in self.predicted):
             panels[0].plot([], [], "^", color=GREY, label=typeset("predicted V_m and V_p"), **PLACE)
-
-
-def draw_prediction(panel: Axes, predicted: Predicted, colour: str) -> None:
-    """Draw the predicted T_sync, its limits at the edges of the panel, and V_m and V_p, if there are any."""
-    speeds, times, at_any = predicted
-    panel.plot(speeds, times, color=colour, **DASHES)
-    for limit, edge in ((at_any.t_sync_frozen, (0, EDGE)), (at_any.t_sync_fast, (1 - EDGE, 1))):
-        panel.plot(edge, (limit.value,) * 2, color=colour, transform=panel.get_yaxis_transform(), **DASHES)
-    for place, marker in predicted.places:
-        ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
-        time = np.interp(np.log(place.value), np.log(speeds), times)
-        panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=colour, **PLACE)

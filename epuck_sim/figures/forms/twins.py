@@ -53,7 +53,16 @@ class Courses(Form):
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        return cls(courses=[_course(point, _scenario(point)) for point in points if point.seeds])
+        courses = []
+        for point in (each for each in points if each.seeds):
+            scenario = _scenario(point)
+            cycle = choose_moments(_most_cycles(scenario))
+            compared = [_compare(scenario, seed, cycle) for seed in point.seeds]
+            order = np.mean([each.order_parameter for each in compared], axis=0)
+            deviation = np.mean([each.deviation.mean(axis=1) for each in compared], axis=0)
+            is_displaced = scenario.start.displacement > 0
+            courses.append(Course(point.axes, is_displaced, cycle, order, deviation, len(compared)))
+        return cls(courses=courses)
 
     @property
     def titles(self) -> Sequence[str]:
@@ -116,7 +125,11 @@ class Perturbation(Form):
                 "nothing deviates from the undisturbed twin, because start.displacement and clocks.jitter are 0, so "
                 "--form perturbation would be blank; --form course shows the order parameter"
             )
-        return cls(shown=[_deviations(*each) for each in tried])
+        shown = []
+        for point, scenario in tried:
+            cycle = np.arange(0.5, min(_most_cycles(scenario), MAX_CYCLES))
+            shown.append(Deviations(point.axes, cycle, _compare(scenario, point.seeds[0], cycle).deviation))
+        return cls(shown=shown)
 
     @property
     def titles(self) -> Sequence[str]:
@@ -178,21 +191,3 @@ def _compare(scenario: ParticleScenario, seed: int, cycle: FloatArray) -> TwinCo
     started = simulate(scenario, seed).scenario  # agents may start like robots with this seed
     assert isinstance(started, ParticleScenario)
     return simulate_with_twin(started, seed, cycle * scenario.clocks.period_s)
-
-
-def _course(point: PointTrials, scenario: ParticleScenario) -> Course:
-    cycle = choose_moments(_most_cycles(scenario))
-    comparisons = [_compare(scenario, seed, cycle) for seed in point.seeds]
-    return Course(
-        point.axes,
-        scenario.start.displacement > 0,
-        cycle,
-        np.mean([each.order_parameter for each in comparisons], axis=0),
-        np.mean([each.deviation.mean(axis=1) for each in comparisons], axis=0),
-        len(comparisons),
-    )
-
-
-def _deviations(point: PointTrials, scenario: ParticleScenario) -> Deviations:
-    cycle = np.arange(0.5, min(_most_cycles(scenario), MAX_CYCLES))
-    return Deviations(point.axes, cycle, _compare(scenario, point.seeds[0], cycle).deviation)
