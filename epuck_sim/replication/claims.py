@@ -28,31 +28,18 @@ Law = Literal["Weibull", "gamma", "log-normal"]  # a distribution of T_sync
 THRESHOLD = 0.95  # threshold of eq. 3.4 for robots (section 3.3), and of eq. C.2
 
 
-def largest_shift() -> float:
-    """Return how far one of 20 robots (3.3) may be from the others, in cycles, at the threshold (eq. 3.4)."""
-    return math.acos(1 - 20 * (1 - THRESHOLD)) / (2 * math.pi)
-
-
-def order_zero() -> float:
-    """Return the phase, in cycles, below which a pulse lowers the order parameter of two oscillators (eq. 5.8).
-
-    A pulse takes the phase phi to 1.1 phi (section 5.1); where the two add up to a cycle, their |cos(pi phi)| is equal.
-    """
-    return 1 / 2.1
-
-
-def sigma_a() -> float:
-    """Return how early or late, in s, two halves of a swarm fire at the threshold (eq. C.2, its fraction inverted)."""
-    period_s = 5.0  # section 4.3
-    return period_s * math.acos(THRESHOLD) / (2 * math.pi)
-
-
-def sigma_b() -> float:
-    """Return the bound of eq. C.3, in frames, with 1 squared inside N / 2 where the text has 1 ^ 1 outside of it."""
-    return math.sqrt(2 / 5 * sum(frame**2 for frame in (4, 3, 2, 1)) / 2)
-
-
-FORMULAS = {"largest_shift": largest_shift, "order_zero": order_zero, "sigma_a": sigma_a, "sigma_b": sigma_b}
+FORMULAS = {
+    # how far one of 20 robots (3.3) may be from the others, in cycles, at the threshold (eq. 3.4)
+    "largest_shift": math.acos(1 - 20 * (1 - THRESHOLD)) / (2 * math.pi),
+    # phase phi, in cycles, below which a pulse, which takes it to 1.1 phi (5.1), lowers the order parameter of two
+    # oscillators (eq. 5.8): where phi and 1.1 phi add up to a cycle, their |cos(pi phi)| is equal
+    "order_zero": 1 / 2.1,
+    # how early or late, in s, two halves of a swarm of period 5 s (4.3) fire there (eq. C.2, its fraction inverted)
+    "sigma_a": 5.0 * math.acos(THRESHOLD) / (2 * math.pi),
+    # bound of eq. C.3, in frames, with 1 squared inside N / 2 where the text has 1 ^ 1 outside of it
+    "sigma_b": math.sqrt(2 / 5 * sum(frame**2 for frame in (4, 3, 2, 1)) / 2),
+}
+"""Numbers that follow from the thesis's equations."""
 
 
 class Test(NamedTuple):
@@ -231,24 +218,19 @@ class Claims(ConfigModel):
 def read_claims(path: Path = SHIPPED) -> Claims:
     """Read claims from a YAML file, those of the thesis by default; files of scenarios may lie beside it.
 
-    Raises:
-        EpuckSimError: The file cannot be read, or is wrong; the message names the file, the key and what is allowed.
+    EpuckSimError is raised with the first mistake in the file: file, claim, by its id, key, and what is allowed.
     """
     given = read_yaml(path)
     try:
         claims = Claims.model_validate(given)
     except ValidationError as error:
-        raise EpuckSimError(_message(path, given, error)) from error
-    beside = {name: path.parent / asked.scenario for name, asked in claims.sweeps.items()}
-    found = {name: {"scenario": str(file)} if file.is_file() else {} for name, file in beside.items()}
-    sweeps = {name: asked.model_copy(update=found[name]) for name, asked in claims.sweeps.items()}
+        _, said = next(problems_in(Claims, error))
+        if in_claim := re.match(r"claims\.(\d+)", said):
+            claim, number = given["claims"][int(in_claim[1])], in_claim[1]
+            said = f"{claim.get('id', number) if isinstance(claim, dict) else number}{said[in_claim.end() :]}"
+        raise EpuckSimError(f"{path}: {said}") from error
+    sweeps = dict(claims.sweeps)
+    for name, asked in claims.sweeps.items():
+        if (file := path.parent / asked.scenario).is_file():
+            sweeps[name] = asked.model_copy(update={"scenario": str(file)})
     return claims.model_copy(update={"sweeps": sweeps})
-
-
-def _message(path: Path, given: Any, error: ValidationError) -> str:
-    """Return the first error as file: claim: key: what is wrong; a claim is named by its id."""
-    _, said = next(problems_in(Claims, error))
-    if in_claim := re.match(r"claims\.(\d+)", said):
-        claim = given["claims"][int(in_claim[1])]
-        said = f"{claim.get('id', in_claim[1]) if isinstance(claim, dict) else in_claim[1]}{said[in_claim.end() :]}"
-    return f"{path}: {said}"

@@ -7,7 +7,7 @@ or sweep; the figure of a claim has the curves that its tests use.
 import math
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -78,10 +78,8 @@ def read_contents(
 ) -> Contents:
     """Test the chosen claims on the stored trials of their sweeps, whose scenarios are given by name.
 
-    p-values are corrected for `looks` looks, or for `LOOKS` if trials were added.
-
-    Raises:
-        StoreError: A run folder is missing or damaged.
+    p-values are corrected for `looks` looks, or for `LOOKS` if trials were added. StoreError is raised if a run folder
+    is missing or damaged.
     """
     findings = [(claim, check_claim(claim, trials)) for claim in chosen]
     sweeps = {name: (trials.read(name), *trials.effort(name)) for name in trials.folders}
@@ -91,11 +89,7 @@ def read_contents(
 
 
 def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
-    """Write a page about claims into a folder, with tables and figures beside it, and return its path.
-
-    Raises:
-        EpuckSimError: A file cannot be written.
-    """
+    """Write a page about claims into a folder, with tables and figures beside it, and return its path."""
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     paths = {answer.claim.id: f"{FIGURES}/claim-{answer.claim.id}.png" for answer in contents.answers}
     drawn = [each.claim.id for each in contents.answers if draw_claim(each, trials, folder / paths[each.claim.id])]
@@ -215,46 +209,40 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
 
 def make_tables(contents: Contents) -> dict[str, Table]:
     """Return the tables beside the page, with a row for each claim, each test, and each sweep that was used."""
-    of_claims = ({**each.claim.model_dump(exclude={"checks"}), "verdict": each.verdict} for each in contents.answers)
-    cells: dict[str, Iterable[dict[str, object]]] = {
-        "claims": of_claims,
-        "tests": (_test_cells(answer.claim, judged) for answer in contents.answers for judged in answer.checks),
-        "sweeps": (_sweep_cells(name, *asked) for name, asked in contents.sweeps.items()),
-    }
+    cells: dict[str, list[Mapping[str, object]]] = {"claims": [], "tests": [], "sweeps": []}
+    for answer in contents.answers:
+        cells["claims"].append({**answer.claim.model_dump(exclude={"checks"}), "verdict": answer.verdict})
+        for judged in answer.checks:
+            low, high = judged.check.predicted
+            is_exact = judged.check.test == "formula"
+            test = {
+                "claim": answer.claim.id,
+                "test": describe_check(judged.check),
+                "ours": judged.effect.estimate,
+                "predicted_above": low,
+                "predicted_below": high,
+                "p": None if is_exact else max(judged.p_value, LEAST_P),
+                "p_corrected": None if is_exact else max(judged.p_holm, LEAST_P),
+                "fewest_trials": judged.trials[0],
+                "most_trials": judged.trials[1],
+                "most_censored": Share(judged.censored),
+                "verdict": judged.verdict,
+            }
+            cells["tests"].append(test)
+    for name, (points, wall_s, failed) in contents.sweeps.items():
+        stored, has_t_sync = sum(len(point.times) for point in points), any(point.has_t_sync for point in points)
+        sweep = {
+            "sweep": name,
+            "points": len(points),
+            "trials": stored + failed,
+            "stored": stored,
+            "censored": sum(int((~point.observed).sum()) for point in points) if has_t_sync else None,
+            "failed": failed,
+            "limit_of_cycles": points[0].scenario.stop.max_cycles,
+            "time_of_trials": in_words(wall_s),
+        }
+        cells["sweeps"].append(sweep)
     return {name: Table(name, [Row({}, each) for each in rows]) for name, rows in cells.items()}
-
-
-def _test_cells(claim: Claim, judged: Finding) -> dict[str, object]:
-    low, high = judged.check.predicted
-    is_exact = judged.check.test == "formula"
-    return {
-        "claim": claim.id,
-        "test": describe_check(judged.check),
-        "ours": judged.effect.estimate,
-        "predicted_above": low,
-        "predicted_below": high,
-        "p": None if is_exact else max(judged.p_value, LEAST_P),
-        "p_corrected": None if is_exact else max(judged.p_holm, LEAST_P),
-        "fewest_trials": judged.trials[0],
-        "most_trials": judged.trials[1],
-        "most_censored": Share(judged.censored),
-        "verdict": judged.verdict,
-    }
-
-
-def _sweep_cells(name: str, points: Sequence[PointTrials], wall_s: float, failed: int) -> dict[str, object]:
-    stored = sum(len(point.times) for point in points)
-    has_t_sync = any(point.has_t_sync for point in points)
-    return {
-        "sweep": name,
-        "points": len(points),
-        "trials": stored + failed,
-        "stored": stored,
-        "censored": sum(int((~point.observed).sum()) for point in points) if has_t_sync else None,
-        "failed": failed,
-        "limit_of_cycles": points[0].scenario.stop.max_cycles,
-        "time_of_trials": in_words(wall_s),
-    }
 
 
 def describe_check(check: Check) -> str:
@@ -278,10 +266,9 @@ def _effect(check: Check) -> str:
 
 
 def draw_claim(answer: Answer, trials: Trials, path: Path) -> bool:
-    """Draw up to `MOST_POINTS` points of a claim's tests against their axis as PNG; tests that decide it come first.
+    """Draw up to `MOST_POINTS` points of a claim's tests as PNG, if they have an axis; return whether they do.
 
-    Returns:
-        Whether there is a curve to draw.
+    Tests that decide the claim come first.
     """
     judged = sorted(answer.checks, key=lambda each: each not in _decisive(answer))
     checks = [each.check for each in judged]

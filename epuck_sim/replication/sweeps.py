@@ -49,8 +49,7 @@ def sweep_folder(folder: Path, name: str) -> Path:
 def needed_sweeps(claims: Claims, chosen: Sequence[Claim]) -> dict[str, Scenario]:
     """Return the scenarios of the sweeps on which the chosen claims are tested, by name.
 
-    Raises:
-        EpuckSimError: A sweep cannot be run, or lacks an axis, a value or a measure that a claim names.
+    EpuckSimError is raised if a sweep cannot be run, or lacks an axis, a value or a measure that a claim names.
     """
     names = dict.fromkeys(claim.sweep for claim in chosen if claim.checks and claim.sweep is not None)
     scenarios = {name: sweep_scenario(claims, name) for name in names}

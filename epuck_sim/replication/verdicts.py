@@ -80,7 +80,7 @@ class Finding(NamedTuple):
 def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
     """Run a check's test on the trials that it takes of its claim's sweep; raise as `chosen_points` does."""
     if check.test == "formula":
-        value = FORMULAS[check.number]()
+        value = FORMULAS[check.number]
         exact = Effect(Estimate(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0)
         return Finding(check, exact, (0, 0), 0.0)
     used = chosen_points(check, points)
@@ -91,10 +91,9 @@ def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
 
 
 def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
-    """Return the points of a sweep that a check uses.
+    """Return the points of a sweep that a check uses; raise EpuckSimError if points, a measure or an axis are missing.
 
-    Raises:
-        EpuckSimError: There is none, or not as many as the test takes; or a measure or axis of the check is missing.
+    There may be none, or not as many as the test takes.
     """
     test = TESTS[check.test]
     if check.test == "ratio":

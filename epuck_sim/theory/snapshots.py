@@ -7,7 +7,7 @@ the second. Measures of their graphs are means over snapshots, and shares of sna
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -19,7 +19,7 @@ from epuck_sim.estimate import Estimate
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, ParticleStop, RandomAgents, ResponseSection, StartSection
-from epuck_sim.scenario.robots import ConeSignal, RadioSignal, RobotGroup
+from epuck_sim.scenario.robots import ConeSignal, RadioSignal
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.statistic import wilson_interval
 from epuck_sim.statistics.survival import QUANTILE
@@ -31,9 +31,13 @@ def take_snapshots(scenario: Scenario, count: int) -> BoolArray:
     if isinstance(scenario, EmbodiedScenario):
         return _links_of_robots(scenario, start_poses(scenario, range(count)))
     assert isinstance(scenario, ParticleScenario)
-    if isinstance(scenario.neighbourhood, RandomAgents):
-        return _drawn(scenario.agents.count, scenario.neighbourhood.k, count)
-    return _links_of_agents(scenario, scenario.agents.speed_cm_s, range(count), (0.0,))[0]
+    if not isinstance(scenario.neighbourhood, RandomAgents):
+        return _links_of_agents(scenario, scenario.agents.speed_cm_s, range(count), (0.0,))[0]
+    agents = scenario.agents.count
+    ranks = np.random.default_rng(0).random((count, agents, agents))
+    ranks[:, np.arange(agents), np.arange(agents)] = math.inf
+    links: BoolArray = ranks.argsort(2).argsort(2) < min(scenario.neighbourhood.k, agents - 1)
+    return links
 
 
 def changed_links(scenario: Scenario, speeds_cm_s: Sequence[float], count: int) -> FloatArray:
@@ -50,19 +54,8 @@ def changed_links(scenario: Scenario, speeds_cm_s: Sequence[float], count: int) 
     else:
         assert isinstance(scenario, ParticleScenario)
         found = [_links_of_agents(scenario, speed, seeds, (0.0, tau_s)) for speed in speeds_cm_s]
-    return np.array([_share_changed(before, after) for before, after in found])
-
-
-def _share_changed(before: BoolArray, after: BoolArray) -> float:
-    either = int((before | after).sum())
-    return int((before ^ after).sum()) / either if either else math.nan
-
-
-def _drawn(agents: int, k: int, count: int) -> BoolArray:
-    ranks = np.random.default_rng(0).random((count, agents, agents))
-    ranks[:, np.arange(agents), np.arange(agents)] = math.inf
-    links: BoolArray = ranks.argsort(2).argsort(2) < min(k, agents - 1)
-    return links
+    counts = [(int((before ^ after).sum()), int((before | after).sum())) for before, after in found]
+    return np.array([changed / either if either else math.nan for changed, either in counts])
 
 
 def _links_of_agents(
@@ -92,8 +85,16 @@ def _links_of_agents(
 
 
 def _links_of_robots(scenario: EmbodiedScenario, poses: FloatArray) -> BoolArray:
-    """Return the snapshots of robots at some poses, each with its ring lit."""
-    groups = [_with_cone(group) for group in scenario.robots]
+    """Return the snapshots of robots at some poses, each with its ring lit.
+
+    Groups that receive pulses by radio are taken as ones that see through bodies, in the same cones.
+    """
+    groups = list(scenario.robots)
+    for number, group in enumerate(groups):
+        if isinstance(radio := group.signal, RadioSignal):
+            reach: Any = {"range_cm": radio.range_cm, "angle_deg": radio.angle_deg, "of": radio.of}
+            cone = ConeSignal(kind="cone", occlusion=False, **reach)
+            groups[number] = group.model_copy(update={"signal": cone})
     scene = make_scene(groups, scenario.group_kinds, scenario.arena.build())
     present = np.array(scenario.present)
     links = np.zeros((len(poses), len(present), len(present)), np.bool_)
@@ -101,15 +102,6 @@ def _links_of_robots(scenario: EmbodiedScenario, poses: FloatArray) -> BoolArray
         snapshot, receiver, sender = find_sightings(scene, poses, number).T
         links[snapshot, sender, receiver] = True
     return links[:, present][:, :, present]
-
-
-def _with_cone(group: RobotGroup) -> RobotGroup:
-    """Return a group that receives pulses by radio as one that sees through bodies, in the same cones."""
-    signal = group.signal
-    if not isinstance(signal, RadioSignal):
-        return group
-    cone = ConeSignal(kind="cone", range_cm=signal.range_cm, angle_deg=signal.angle_deg, of=signal.of, occlusion=False)
-    return group.model_copy(update={"signal": cone})
 
 
 def _moved(scenario: EmbodiedScenario, poses: FloatArray, distance_cm: float) -> FloatArray:

@@ -15,7 +15,7 @@ from docs.trials import DOCS, PAGE, TABLES, Tables, write_page
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
 from epuck_sim.replication import verdicts
-from epuck_sim.replication.claims import Check, Claim, largest_shift, order_zero, read_claims, sigma_a, sigma_b
+from epuck_sim.replication.claims import FORMULAS, Check, Claim, read_claims
 from epuck_sim.replication.criteria import Effect, student
 from epuck_sim.replication.page import describe_check
 from epuck_sim.replication.sweeps import check_claim, needed_sweeps, sweep_scenario
@@ -235,14 +235,15 @@ def test_two_groups_that_look_at_opposite_walls_never_synchronise_with_300_degre
 
 
 def test_numbers_that_follow_from_equations_fulfil_these() -> None:
-    one_of_twenty = np.array([0.0] * 19 + [largest_shift()])
+    largest_shift, order_zero, sigma_a, sigma_b = FORMULAS.values()
+    one_of_twenty = np.array([0.0] * 19 + [largest_shift])
     assert reference_order_parameter(one_of_twenty, 1.0) == pytest.approx(0.95)
-    for phase, is_lowered in ((order_zero() - 0.01, True), (order_zero() + 0.01, False)):  # by a pulse
+    for phase, is_lowered in ((order_zero - 0.01, True), (order_zero + 0.01, False)):  # by a pulse
         before, after = (order_parameter(np.array([0, each]), 1.0) for each in (phase, 1.1 * phase))
         assert (after < before) == is_lowered
-    assert order_parameter(np.repeat([-sigma_a(), sigma_a()], 5), 5.0) == pytest.approx(0.95)
+    assert order_parameter(np.repeat([-sigma_a, sigma_a], 5), 5.0) == pytest.approx(0.95)
     robots = 10
-    assert sigma_b() == pytest.approx(math.sqrt(2 / (5 * robots) * robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))
+    assert sigma_b == pytest.approx(math.sqrt(2 / (5 * robots) * robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))
 
 
 SMALL_BYTES = 20_000  # size of the tables that are read in each run of the tests
