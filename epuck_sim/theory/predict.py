@@ -14,8 +14,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import Point, points
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents, StartSection
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.theory.limits import Limit, Pair, find_limit, measure_pair
-from epuck_sim.theory.regime import Rise, Verdict, find_rise, judge, time_at
+from epuck_sim.theory.chains import Limit, Pair, Rise, Verdict, find_limit, find_rise, judge, measure_pair, time_at
 from epuck_sim.theory.snapshots import GraphMeasures, changed_links, count_components, measure_graphs, take_snapshots
 from epuck_sim.util.messages import comma_list
 

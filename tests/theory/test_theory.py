@@ -12,9 +12,8 @@ from hypothesis.extra.numpy import arrays
 from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_trial
 from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response
-from epuck_sim.theory.limits import Limit, find_limit, measure_pair
+from epuck_sim.theory.chains import Limit, find_limit, find_rise, judge, measure_pair, time_at
 from epuck_sim.theory.predict import predict, predict_points
-from epuck_sim.theory.regime import find_rise, judge, time_at
 from epuck_sim.theory.snapshots import changed_links, count_components, measure_graphs, take_snapshots
 from tests.cli.commands import called, read
 
