@@ -137,26 +137,24 @@ class _Clusters(Shipped):
     gap: float = 0.02
     check = staticmethod(allowed(gap=BELOW_HALF_A_CYCLE))
 
-    def cycle(self, event: Any, _: Any) -> None:
-        self.take(cluster_numbers(self.phases(event), self.gap))
-
-    def take(self, numbers: IntArray) -> None:
-        raise NotImplementedError
+    def clusters(self, event: Any) -> IntArray:
+        """Return (oscillators,) number of the cluster to which each belongs now."""
+        return cluster_numbers(self.phases(event), self.gap)
 
 
 class ClusterCount(_Clusters, Series):
     """Number of phase clusters at each cycle: neighbours at most `gap` cycles apart are in one (series)."""
 
-    def take(self, numbers: IntArray) -> None:
-        self._series.append(int(numbers.max(initial=-1)) + 1)
+    def cycle(self, event: Any, _: Any) -> None:
+        self._series.append(int(self.clusters(event).max(initial=-1)) + 1)
 
 
 class LargestCluster(_Clusters, Series):
     """Share of the oscillators that is in the largest phase cluster at each cycle (series)."""
 
-    def take(self, numbers: IntArray) -> None:
-        largest = np.bincount(numbers).max(initial=0)
-        self._series.append(share(int(largest), len(numbers)))  # None without oscillators
+    def cycle(self, event: Any, _: Any) -> None:
+        sizes = np.bincount(self.clusters(event))
+        self._series.append(share(int(sizes.max(initial=0)), int(sizes.sum())))  # None without oscillators
 
 
 class ClusterLife(_Clusters, Share):
@@ -168,7 +166,8 @@ class ClusterLife(_Clusters, Share):
     UNIT = "cycles"
     _before: IntArray | None = None
 
-    def take(self, numbers: IntArray) -> None:
+    def cycle(self, event: Any, _: Any) -> None:
+        numbers = self.clusters(event)
         if self._before is not None and len(numbers):
             lived, gone = surviving_clusters(self._before, numbers)
             self._part += lived + gone

@@ -142,13 +142,6 @@ def note_trials(path: Path, count: int) -> None:
         path.with_name(STORED).write_text(str(count), encoding="ascii")
 
 
-def _noted_trials(path: Path) -> int:
-    try:
-        return int(path.with_name(STORED).read_bytes())
-    except (OSError, ValueError):
-        return 0
-
-
 def check_database(path: Path) -> None:
     """Check that a file is an undamaged database of ours; a process checks each state of a file once."""
     try:
@@ -180,7 +173,9 @@ def _state(path: Path) -> tuple[int, int, int]:
 
 def _damage(path: Path) -> str | None:
     """Read all of a database, and return its damage; None if there is none."""
-    expected = _noted_trials(path)  # before the snapshot begins: a run at work may add to both
+    expected = 0
+    with suppress(OSError, ValueError):  # before the snapshot begins: a run at work may add to both
+        expected = int(path.with_name(STORED).read_bytes())
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         connection.execute("BEGIN")
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()

@@ -147,7 +147,10 @@ def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] 
                     seeds=array("q", seeds.tobytes()),
                     measured=tuple(values),
                     of=of,
-                    events=tuple(tuple(map(_event, each or ())) for each in events),
+                    events=tuple(
+                        tuple(TrialEvent(**{**event, "robots": tuple(event["robots"])}) for event in each or ())
+                        for each in events
+                    ),
                     has_t_sync=read.stop.has_t_sync and not (censored == NULL).any(),
                 )
             )
@@ -180,10 +183,6 @@ def _read_column(
     """Return a column, by default of JSON, decoded, for each trial of a point that has a result, in order."""
     query = f"SELECT {column} FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
     return [text and decode(text) for (text,) in connection.execute(query, (key,))]
-
-
-def _event(stored: dict[str, Any]) -> TrialEvent:
-    return TrialEvent(**{**stored, "robots": tuple(stored["robots"])})
 
 
 def measures_in(connection: sqlite3.Connection) -> list[str]:

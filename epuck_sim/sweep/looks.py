@@ -94,27 +94,24 @@ class Looks:
         self._trials, self._left = [0] * len(points), [0] * len(groups)
         self._group = {point.number: place for place, group in enumerate(groups) for point in group}
         self._looks = [self._look(group) for group in groups]
-        for place in range(len(groups)):
-            self._go_on(place)
-        self._plan(points)
+        self._go_on(*range(len(groups)))
         return self._trials
 
     def end_trial(self, number: int) -> Sequence[tuple[int, int]]:
         """Record that a trial of a point has ended, and return point and number of each trial to add now."""
         group = self._group[number]
         self._left[group] -= 1
-        if self._left[group]:
-            return ()
-        added = self._go_on(group)
-        self._plan(self._members[group])
-        return added
+        return () if self._left[group] else self._go_on(group)
 
-    def _plan(self, points: Sequence[Point]) -> None:
-        self._store.plan({point.key: self._trials[point.number] for point in points})
-
-    def _go_on(self, group: int) -> Sequence[tuple[int, int]]:
-        missing = next(self._looks[group], ())
-        self._left[group] = len(missing)
+    def _go_on(self, *groups: int) -> Sequence[tuple[int, int]]:
+        """Look at groups as long as no trials are missing, store their numbers of trials, and return those missing."""
+        missing: list[tuple[int, int]] = []
+        for group in groups:
+            of_group = next(self._looks[group], ())
+            self._left[group] = len(of_group)
+            missing += of_group
+        planned = (point for group in groups for point in self._members[group])
+        self._store.plan({point.key: self._trials[point.number] for point in planned})
         return missing
 
     def _look(self, group: Sequence[Point]) -> Iterator[Sequence[tuple[int, int]]]:
@@ -138,7 +135,10 @@ class Looks:
                 return
 
     def _look_at(self, group: Sequence[Point], size: int) -> list[Look]:
-        limit, samples = group[0].scenario.trials, [self._measured(point, size) for point in group]
+        limit, samples = group[0].scenario.trials, []
+        for point in group:
+            times, observed = self._store.ends(point.key, size)
+            samples.append(Measured(times, observed, float(point.scenario.stop.max_cycles), 0, unit="cycles"))
         means = [look_interval(each, limit) for each in samples]
         if self._key is None:
             return [Look(size, mean, None, self._precision.width(mean)) for mean in means]
@@ -147,10 +147,6 @@ class Looks:
         widths = [*map(self._precision.width, contrasts)]
         rows = zip(means, [None, *contrasts], [max(widths), *widths], strict=True)
         return [Look(size, *row) for row in rows]
-
-    def _measured(self, point: Point, size: int) -> Measured:
-        times, observed = self._store.ends(point.key, size)
-        return Measured(times, observed, float(point.scenario.stop.max_cycles), 0, unit="cycles")
 
     def width(self, number: int) -> float:
         """Return the width of a point's interval over the width asked for; inf as long as there is none."""

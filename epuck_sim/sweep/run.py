@@ -102,14 +102,17 @@ def run_sweep(
         with closing(scheduler.schedule(queue, kinds, open_pool)) as chunks:
             for outcomes in chunks:
                 for outcome, is_stored in zip(outcomes, store.add(outcomes), strict=True):
+                    trials, censored = progress.trials, progress.censored
                     if until is not None and (added := until.end_trial(outcome.point)):
                         tasks = [_task(all_points[number], trial, interpret) for number, trial in added]
                         queue.add(tasks, until.width(outcome.point))
-                        progress = progress._replace(trials=progress.trials + len(added))
+                        trials += len(added)
+                    if is_stored and outcome.censored is not None:
+                        censored = (censored or 0) + outcome.censored
                     progress = SweepProgress(
-                        trials=progress.trials,
+                        trials=trials,
                         stored=progress.stored + is_stored,
-                        censored=_censored(progress.censored, outcome) if is_stored else progress.censored,
+                        censored=censored,
                         failed=progress.failed + (not is_stored),
                         ended=progress.ended + 1,
                         last=outcome,
@@ -117,11 +120,6 @@ def run_sweep(
                     )
                     observer(progress)
     return progress
-
-
-def _censored(before: int | None, outcome: Outcome) -> int | None:
-    """Return how many trials are censored with one more; None as long as none has a T_sync."""
-    return before if outcome.censored is None else (before or 0) + outcome.censored
 
 
 def missing_tasks(
