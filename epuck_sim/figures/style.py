@@ -57,22 +57,13 @@ class Look(NamedTuple):
 
 def style(font_pt: float = 8.0) -> Any:
     """Return settings of matplotlib for figures with letters of this size."""
-    small = font_pt - 1
     return {
-        "font.size": font_pt,
-        "axes.labelsize": font_pt,
-        "axes.linewidth": 0.6,
-        "axes.titlesize": font_pt,
-        "figure.titlesize": font_pt,
-        "hatch.linewidth": 0.6,
-        "legend.fontsize": small,
+        **dict.fromkeys(("font.size", "axes.labelsize", "axes.titlesize", "figure.titlesize"), font_pt),
+        **dict.fromkeys(("legend.fontsize", "xtick.labelsize", "ytick.labelsize"), font_pt - 1),
+        **dict.fromkeys(("axes.linewidth", "hatch.linewidth", "xtick.major.width", "ytick.major.width"), 0.6),
         "legend.handlelength": 2.4,
         "lines.linewidth": 1,
         "lines.markersize": 3.5,
-        "xtick.labelsize": small,
-        "xtick.major.width": 0.6,
-        "ytick.labelsize": small,
-        "ytick.major.width": 0.6,
     }
 
 

@@ -183,14 +183,10 @@ def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom:
 def slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
     """Return the slope over x, (S,), of the line that fits the logarithms of the means of S points best."""
     means = [mean_with_error(each) for each in samples]
-    if len(means) < MIN_POINTS or not _have_logs(means) or min(each.error for each in means) == 0:
+    if len(means) < MIN_POINTS or not all(each.mean > 0 < each.error for each in means):
         return NOTHING
     errors = np.array([each.error / each.mean for each in means])
     return weighted_slope(x, np.log([each.mean for each in means]), errors, len(means) - 2)
-
-
-def _have_logs(means: Sequence[MeanError]) -> bool:
-    return all(each.mean > 0 for each in means)  # and so no NaN
 
 
 def _log_ratio(means: Sequence[MeanError]) -> tuple[float, float, float]:
@@ -200,7 +196,7 @@ def _log_ratio(means: Sequence[MeanError]) -> tuple[float, float, float]:
     exponential times, in 3.7e-4 of all cases where 2.0e-4 is nominal; the least freedom does in 1.5e-4. The error is 0
     if any mean has none, as nothing is known of its scatter.
     """
-    if not _have_logs(means):
+    if not all(each.mean > 0 for each in means):  # nor NaN
         return math.nan, 0.0, 0
     logs, pairs = [math.log(each.mean) for each in means], len(means) / 2
     error = math.hypot(*(each.error / each.mean for each in means)) / pairs

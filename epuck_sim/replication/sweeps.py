@@ -7,6 +7,7 @@ page holds whatever the reason to add trials, or to stop.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -62,12 +63,11 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim]) -> dict[str, Scenario
     return scenarios
 
 
+@dataclass
 class Trials:
     """The trials of claims' sweeps, in run folders."""
 
-    def __init__(self, folders: Mapping[str, Path]) -> None:
-        """Store the run folder of each sweep."""
-        self.folders = folders
+    folders: Mapping[str, Path]  # run folder of each sweep
 
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
         """Return the points of a sweep, with the values that a check takes; raise StoreError as `read_points` does."""
@@ -83,12 +83,8 @@ class Trials:
 def check_claim(claim: Claim, trials: Trials) -> list[verdicts.Finding]:
     """Run the checks of a claim on the trials that are stored."""
     with refused_at(f"claim {claim.id}"):
-        return [
-            verdicts.run_check(
-                check, trials.read(claim.sweep, check) if claim.sweep and check.test != "formula" else []
-            )
-            for check in claim.checks
-        ]
+        takes = [(check, claim.sweep if check.test != "formula" else None) for check in claim.checks]
+        return [verdicts.run_check(check, trials.read(sweep, check) if sweep else []) for check, sweep in takes]
 
 
 LOOKS = 8  # largest number of looks at a sweep, at the last of which it has 17 times as many trials as at the first

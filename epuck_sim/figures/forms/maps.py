@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import chain, count, groupby
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -195,13 +195,11 @@ def choose_levels(values: FloatArray, *, is_log: bool) -> FloatArray:
     known = np.log10(known) if is_log else known
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
     unit = 10.0 ** math.floor(math.log10(((high - low) or abs(high) or 1.0) / MAX_LEVELS))
-    for step in LOG_STEPS if is_log else [unit * factor for factor in (1, 2, 5, 10, 20)]:
+    steps = LOG_STEPS if is_log else [unit * factor for factor in (1, 2, 5, 10, 20)]
+    for step in chain(steps, (steps[-1] * 2.0**power for power in count(1))):
         first, last = math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 1
         if last - first <= MAX_LEVELS:
             break
-    while last - first > MAX_LEVELS:
-        step *= 2
-        first, last = math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 1
     levels: FloatArray = np.arange(first, last + 1, dtype=np.float64) * step
     return np.round(levels, 9) if is_log else levels
 
