@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from epuck_sim.errors import StoreError
 from epuck_sim.scenario.loader import RUN_SCENARIO
@@ -54,12 +55,13 @@ def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             _check_no_foreign_files(folder)
-            number, has_name = stack.enter_context(_opened(folder / LOCK))
-            held.append(has_name)
+            lock = stack.enter_context((folder / LOCK).open("ab"))
+            opened = os.fstat(lock.fileno())
+            held.append(lambda: is_at(folder / LOCK, opened))
             if _is_leased(folder):
                 held.append(stack.enter_context(_lease(folder)))
             else:
-                _lock(number, WAIT_S)
+                _lock(lock, WAIT_S)
                 (folder / HOLDER).write_text(own_name(), encoding="utf-8")
             stack.callback(let_go)
             for path in folder.iterdir():
@@ -87,17 +89,6 @@ def _check_no_foreign_files(folder: Path) -> None:
         )
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[tuple[int, Callable[[], bool]]]:
-    """Open a file, made if it does not exist; yield its descriptor, and a test whether it still has its name."""
-    number = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-    opened = os.fstat(number)
-    try:
-        yield number, lambda: is_at(path, opened)
-    finally:
-        os.close(number)
-
-
 def is_at(path: Path, opened: os.stat_result) -> bool:
     """Return whether a file, whose status was `opened` when it was opened, still has this name."""
     try:
@@ -106,12 +97,12 @@ def is_at(path: Path, opened: os.stat_result) -> bool:
         return False
 
 
-def _lock(number: int, wait_s: float) -> None:
+def _lock(file: BinaryIO, wait_s: float) -> None:
     """Lock an open file until it is closed; raise BlockingIOError if another process has it locked."""
     end_s = time.monotonic() + wait_s
     while True:
         try:
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             if time.monotonic() > end_s:
                 raise
@@ -125,17 +116,16 @@ def has_locks(folder: Path) -> bool:
     if fcntl is None:
         return True  # SQLite locks files in another way there
     try:
-        number = os.open(folder / LOCK, os.O_RDONLY)
+        file = (folder / LOCK).open("rb")
     except OSError:  # nobody writes there, or we may not know
         return True
-    try:
-        for lock in (fcntl.lockf, fcntl.flock):
-            with suppress(BlockingIOError, PermissionError):
-                lock(number, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    finally:
-        os.close(number)
+    with file:
+        try:
+            for lock in (fcntl.lockf, fcntl.flock):
+                with suppress(BlockingIOError, PermissionError):
+                    lock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return False
     return True
 
 
@@ -149,10 +139,11 @@ def _lease(folder: Path) -> Iterator[Callable[[], bool]]:
     path = folder / HOLDER
     if _is_lease_running(folder):
         raise BlockingIOError
-    with temporary_path(path) as part, _opened(part) as (number, _):
-        os.write(number, own_name().encode())
+    with temporary_path(path) as part, part.open("wb") as file:
+        file.write(own_name().encode())
+        file.flush()
         part.replace(path)
-        own = os.fstat(number)
+        own = os.fstat(file.fileno())
         time.sleep(SETTLE_S)
         if not is_at(path, own):
             raise BlockingIOError
@@ -210,8 +201,8 @@ def current_holder(folder: Path) -> str | None:
     if _is_leased(folder):
         return _holder(folder) if _is_lease_running(folder) else None
     try:
-        with _opened(folder / LOCK) as (number, _):
-            _lock(number, 0)
+        with (folder / LOCK).open("ab") as lock:
+            _lock(lock, 0)
     except BlockingIOError:
         return _holder(folder)
     except OSError:
