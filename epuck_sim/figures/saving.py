@@ -129,7 +129,4 @@ def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any
 
 def tabulate_rows(rows: Sequence[Row]) -> str:
     """Return rows that all have the same cells as CSV."""
-    records = [row.record() for row in rows]
-    columns = (*rows[0].axes, *records[0])
-    cells = zip(rows, records, strict=True)
-    return csv_text(columns, ([*row.axes.values(), *map(csv_cell, record.values())] for row, record in cells))
+    return tabulate((row.axes, {name: [cell] for name, cell in row.record().items()}) for row in rows)

@@ -18,7 +18,7 @@ from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.curves import has_series
-from epuck_sim.statistics.statistic import check_units, measure_unit
+from epuck_sim.statistics.statistic import check_units
 from epuck_sim.util.messages import comma_list
 
 FORMS = {
@@ -113,9 +113,8 @@ def read_form(
     place = "theory:PredictedCurves" if name == "curves" and section.theory else FORMS[name][0]
     module, _, member = place.partition(":")
     found: type[Form] = getattr(import_module(f"epuck_sim.figures.forms.{module}"), member)
-    form = found.read(points, Choices(section, given.keys(), folder, prefix))
     section = section.model_copy(update={"labels": {**group_labels(scenario), **section.labels}})
-    form.of, form.unit, form.settings = points[0].of, measure_unit(points[0]) or "", section
+    form = found.read(points, Choices(section, given.keys(), folder, prefix))
     limits = [f"only points with {' and '.join(where)}"] if where else []
     form.ran, form.ties = _describe(points, folders), [*limits, *_tell_ties(points, section.labels)]
     return form

@@ -54,6 +54,8 @@ class Curves(Form):
     names: Sequence[str] = ()  # values of the axis if they are no numbers; points are then at 0, 1 and so on
     split_by: str | None = None  # dotted key of the axis that has a panel for each of its values; None for one panel
     others: list[FloatArray] = field(default_factory=list)  # further values for which panels must have room
+    placed: Sequence[tuple[str, str, style.Look]] = field(init=False)
+    """Title of the panel, label and look of each curve; curves with one label, in several panels, look alike."""
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
@@ -68,7 +70,23 @@ class Curves(Form):
             )
         curves = read_curves(points, axis, Statistic(choices.section.statistic))
         check_panels(rows, axis, split_by, origin)
-        return cls(axis=axis, curves=curves, names=names, split_by=split_by)
+        return cls.made(points, choices, axis=axis, curves=curves, names=names, split_by=split_by)
+
+    def __post_init__(self) -> None:
+        rows, names = [curve.axes for curve in self.curves], names_of(self.curves)
+        keys = (self.axis, *rows[0])
+        x, _ = self.labels = self.label_of(self.axis, keys), statistic_label(names, self.quantity)
+        trials = style.count_trials(joined(self.curves, "trials").tolist())
+        self.shows = f"{' or '.join(names).capitalize()} of {self.quantity} against {x}, with 95 % intervals; {trials}"
+        heads = short_files([{self.split_by: row[self.split_by]} if self.split_by else {} for row in rows])
+        titles = [format_axis_values(head, keys, self.settings.labels) for head in heads]
+        self.titles = list(dict.fromkeys(titles))
+        told = short_files(distinguishing_axes(rows))
+        own = [{key: value for key, value in row.items() if key != self.split_by} for row in told]
+        labels = [format_axis_values(row, (self.axis, *told[0]), self.settings.labels) for row in own]
+        places = {label: number for number, label in enumerate(dict.fromkeys(labels))}
+        looks = style.choose_looks(len(places))
+        self.placed = [(title, label, looks[places[label]]) for title, label in zip(titles, labels, strict=True)]
 
     @cached_property
     def searches(self) -> Sequence[ExtremaSearch]:
@@ -77,40 +95,9 @@ class Curves(Form):
             return [NOT_A_SPEED] * len(self.curves)
         return [search_extrema(curve) for curve in self.curves]
 
-    @cached_property
-    def placed(self) -> Sequence[tuple[str, str, style.Look]]:
-        """Title of the panel, label and look of each curve; curves with one label, in several panels, look alike."""
-        rows = [curve.axes for curve in self.curves]
-        heads = short_files([{self.split_by: row[self.split_by]} if self.split_by else {} for row in rows])
-        titles = [format_axis_values(head, self._keys, self.settings.labels) for head in heads]
-        told = short_files(distinguishing_axes(rows))
-        own = [{key: value for key, value in row.items() if key != self.split_by} for row in told]
-        labels = [format_axis_values(row, (self.axis, *told[0]), self.settings.labels) for row in own]
-        names = list(dict.fromkeys(labels))
-        looks = style.choose_looks(len(names))
-        return [(title, label, looks[names.index(label)]) for title, label in zip(titles, labels, strict=True)]
-
-    @property
-    def titles(self) -> Sequence[str]:
-        return list(dict.fromkeys(title for title, _, _ in self.placed))
-
     def panels_of(self, panels: Sequence[Axes]) -> list[Axes]:
         """Return the panel of each curve."""
         return [panels[self.titles.index(title)] for title, _, _ in self.placed]
-
-    @property
-    def _keys(self) -> tuple[str, ...]:
-        return (self.axis, *self.curves[0].axes)
-
-    @property
-    def labels(self) -> Sequence[str]:
-        return self.label_of(self.axis, self._keys), statistic_label(names_of(self.curves), self.quantity)
-
-    @property
-    def shows(self) -> str:
-        names = " or ".join(names_of(self.curves)).capitalize()
-        trials = style.count_trials(joined(self.curves, "trials").tolist())
-        return f"{names} of {self.quantity} against {self.labels[0]}, with 95 % intervals; {trials}"
 
     @property
     def tables(self) -> Mapping[str, str]:
@@ -235,7 +222,7 @@ class Series(Form):
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        return cls(points=summarize_series(points))
+        return cls.made(points, choices, points=summarize_series(points))
 
     def __post_init__(self) -> None:
         if len(self.points) > MAX_LINES:
@@ -243,16 +230,9 @@ class Series(Form):
                 f"there would be {len(self.points)} lines, one for each point; allowed: up to {MAX_LINES}; epuck-sim "
                 "summarize prints all"
             )
-
-    @property
-    def labels(self) -> Sequence[str]:
-        return self.points[0].statistics.over, self.quantity
-
-    @property
-    def shows(self) -> str:
         trials = style.count_trials([int(point.statistics.trials[0]) for point in self.points])
-        over = self.points[0].statistics.over
-        return f"{self.of}: means over the {over}s of the trials that reach them, with 95 % intervals; {trials}"
+        over, _ = self.labels = self.points[0].statistics.over, self.quantity
+        self.shows = f"{self.of}: means over the {over}s of the trials that reach them, with 95 % intervals; {trials}"
 
     @property
     def tables(self) -> Mapping[str, str]:

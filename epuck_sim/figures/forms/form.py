@@ -17,7 +17,7 @@ from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, distinguishing_axes, numeric_axes
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.statistic import measure, quantity
+from epuck_sim.statistics.statistic import measure, measure_unit, quantity
 
 MAX_DOTS = 1000  # largest number of trials at a point that an SVG holds as dots; more of them are a picture in it
 
@@ -42,7 +42,7 @@ class Choices:
 
 @dataclass(kw_only=True)
 class Form(ABC):
-    """A way to draw a sweep, with what it shows."""
+    """A way to draw a sweep, with what it shows; its texts are made with it, in `__post_init__`."""
 
     name: ClassVar[str]  # its name for `--form`
     shape: ClassVar[float] = 0.72  # height of a panel over its width
@@ -53,25 +53,20 @@ class Form(ABC):
     ties: Sequence[str] = ()  # which axes vary together, likewise
     settings: FigureSection = field(default_factory=FigureSection)
 
+    titles: Sequence[str] = field(init=False, default=("",))  # of the panels, from left to right and from above
+    labels: Sequence[str] = field(init=False)
+    """Labels of the horizontal and of the vertical axis; with several vertical ones, panels are stacked."""
+    shows: str = field(init=False)  # description for captions: its statistic, and the numbers of trials
+
     @classmethod
     @abstractmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
         """Return the form of these points; raise EpuckSimError if it does not fit the sweep, or would be blank."""
 
-    @property
-    def titles(self) -> Sequence[str]:
-        """Titles of the panels, from left to right and from above."""
-        return [""]
-
-    @property
-    @abstractmethod
-    def labels(self) -> Sequence[str]:
-        """Labels of the horizontal and of the vertical axis; with several vertical ones, panels are stacked."""
-
-    @property
-    @abstractmethod
-    def shows(self) -> str:
-        """Description for captions: its statistic, and the numbers of trials."""
+    @classmethod
+    def made(cls, points: Sequence[PointTrials], choices: Choices, /, **found: Any) -> Self:
+        """Return the form of what `read` has found, with the measure of the points and the settings of the choices."""
+        return cls(of=points[0].of, unit=measure_unit(points[0]) or "", settings=choices.section, **found)
 
     @property
     @abstractmethod

@@ -74,29 +74,16 @@ class Maps(Form):
         rows = [point.axes for point in points]
         x = choose_axis(rows, *choices.axis("x"))
         y = choose_second_axis(rows, x, *choices.axis("y", taken=x))
-        return cls(x=x, y=y, maps=read_maps(points, x, y, statistic))
+        return cls.made(points, choices, x=x, y=y, maps=read_maps(points, x, y, statistic))
 
-    @property
-    def titles(self) -> Sequence[str]:
-        return self.labels_of([each.axes for each in self.maps], self._keys)
-
-    @property
-    def _keys(self) -> tuple[str, ...]:
-        return (self.x, self.y, *self.maps[0].axes)
-
-    @property
-    def labels(self) -> Sequence[str]:
-        return self.label_of(self.x, self._keys), self.label_of(self.y, self._keys)
-
-    @property
-    def _rows(self) -> list[Curve]:
-        return [row for each in self.maps for row in each.rows]
-
-    @property
-    def shows(self) -> str:
+    def __post_init__(self) -> None:
+        self._rows = [row for each in self.maps for row in each.rows]
+        keys = (self.x, self.y, *self.maps[0].axes)
+        self.titles = self.labels_of([each.axes for each in self.maps], keys)
+        x, y = self.labels = self.label_of(self.x, keys), self.label_of(self.y, keys)
         names = " or ".join(names_of(self._rows)).capitalize()
         trials = style.count_trials(joined(self._rows, "trials").tolist())
-        return f"{names} of {self.quantity} over {self.labels[0]} and {self.labels[1]}; {trials}"
+        self.shows = f"{names} of {self.quantity} over {x} and {y}; {trials}"
 
     @property
     def tables(self) -> Mapping[str, str]:

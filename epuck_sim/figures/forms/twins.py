@@ -62,21 +62,14 @@ class Courses(Form):
             deviation = np.mean([each.deviation.mean(axis=1) for each in compared], axis=0)
             is_displaced = scenario.start.displacement > 0
             courses.append(Course(point.axes, is_displaced, cycle, order, deviation, len(compared)))
-        return cls(courses=courses)
+        return cls.made(points, choices, courses=courses)
 
-    @property
-    def titles(self) -> Sequence[str]:
-        return [""] * (1 + any(course.is_displaced for course in self.courses))
-
-    @property
-    def labels(self) -> Sequence[str]:
-        return ["time (cycles)", "order parameter r", "mean |Δϕ| (cycles)"][: 1 + len(self.titles)]
-
-    @property
-    def shows(self) -> str:
+    def __post_init__(self) -> None:
+        self.titles = [""] * (1 + any(course.is_displaced for course in self.courses))
+        self.labels = ["time (cycles)", "order parameter r", "mean |Δϕ| (cycles)"][: 1 + len(self.titles)]
         deviation = ", and deviation from an undisturbed twin," if len(self.titles) > 1 else ""
         trials = style.count_trials([course.trials for course in self.courses])
-        return f"Order parameter{deviation} over time; means of {trials}"
+        self.shows = f"Order parameter{deviation} over time; means of {trials}"
 
     @property
     def tables(self) -> Mapping[str, str]:
@@ -129,19 +122,12 @@ class Perturbation(Form):
         for point, scenario in tried:
             cycle = np.arange(0.5, min(_most_cycles(scenario), MAX_CYCLES))
             shown.append(Deviations(point.axes, cycle, _compare(scenario, point.seeds[0], cycle).deviation))
-        return cls(shown=shown)
+        return cls.made(points, choices, shown=shown)
 
-    @property
-    def titles(self) -> Sequence[str]:
-        return self.labels_of([each.axes for each in self.shown])
-
-    @property
-    def labels(self) -> Sequence[str]:
-        return "time (cycles)", "agent"
-
-    @property
-    def shows(self) -> str:
-        return "Deviation of each agent from an undisturbed twin over time; the first trial of each point"
+    def __post_init__(self) -> None:
+        self.titles = self.labels_of([each.axes for each in self.shown])
+        self.labels = "time (cycles)", "agent"
+        self.shows = "Deviation of each agent from an undisturbed twin over time; the first trial of each point"
 
     @property
     def tables(self) -> Mapping[str, str]:

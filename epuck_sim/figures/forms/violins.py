@@ -60,43 +60,34 @@ class Violins(Form):
         if "censored_at_cycles" in choices.given and censored_at is not None and censored_at > limit:
             name = "--censored-at" if choices.prefix else "censored_at_cycles"
             raise EpuckSimError(f"{name} is {censored_at}; allowed: up to {limit}, the limit of the trials")
-        return cls(axis=axis, names=names, curves=read_violins(points, axis, censored_at), censored_at=censored_at)
+        curves = read_violins(points, axis, censored_at)
+        return cls.made(points, choices, axis=axis, names=names, curves=curves, censored_at=censored_at)
 
-    @property
-    def titles(self) -> Sequence[str]:
-        return self.labels_of([curve.axes for curve in self.curves], self._keys)
-
-    @property
-    def _keys(self) -> tuple[str, ...]:
-        return (self.axis, *self.curves[0].axes)
-
-    @property
-    def labels(self) -> Sequence[str]:
-        return self.label_of(self.axis, self._keys), self.quantity
-
-    @property
-    def shows(self) -> str:
+    def __post_init__(self) -> None:
+        keys = (self.axis, *self.curves[0].axes)
+        self.titles = self.labels_of([curve.axes for curve in self.curves], keys)
+        self.labels = self.label_of(self.axis, keys), self.quantity
         estimates = "Weibull means" if self.of in T_SYNC else "means"
         what = f"Distribution of {self.quantity} against {self.labels[0]}, with {estimates} and their 95 % intervals"
         observed = [each.observed for curve in self.curves for each in curve.measured]
         trials = np.concatenate(observed)
         censored = np.count_nonzero(~trials)
         left_out = f"; {censored} of {len(trials)} trials censored, not in the violins" if censored else ""
-        return f"{what}; {style.count_trials(list(map(len, observed)))}{left_out}"
+        self.shows = f"{what}; {style.count_trials(list(map(len, observed)))}{left_out}"
 
     @property
     def tables(self) -> Mapping[str, str]:
         """A row for each violin: number of trials, share of censored ones, and cycles, or values of the measure."""
-        return {".csv": tabulate((curve.axes, self._columns(curve)) for curve in self.curves)}
-
-    def _columns(self, curve: Curve) -> dict[str, Any]:
-        values = np.array(self.names)[curve.x.astype(int)] if self.names else curve.x
-        found: dict[str, Any] = {self.axis: values, **curve.tied, "trials": curve.trials}
-        if self.of in T_SYNC:
-            found |= {"censored": curve.censored, "mean": sample_means(curve)}
-        name = "weibull" if self.of in T_SYNC else "mean"
-        ends = "weibull_mean" if self.of in T_SYNC else "mean", f"{name}_low", f"{name}_high"
-        return found | dict(zip(ends, (curve.values, *curve.intervals.T), strict=True))
+        groups = []
+        for curve in self.curves:
+            values = np.array(self.names)[curve.x.astype(int)] if self.names else curve.x
+            columns: dict[str, Any] = {self.axis: values, **curve.tied, "trials": curve.trials}
+            ends: tuple[str, ...] = ("mean", "mean_low", "mean_high")
+            if self.of in T_SYNC:
+                columns |= {"censored": curve.censored, "mean": sample_means(curve)}
+                ends = "weibull_mean", "weibull_low", "weibull_high"
+            groups.append((curve.axes, columns | dict(zip(ends, (curve.values, *curve.intervals.T), strict=True))))
+        return {".csv": tabulate(groups)}
 
     def draw(self, panels: Sequence[Axes]) -> None:
         x = joined(self.curves, "x")
