@@ -188,10 +188,8 @@ def log_rank_parts(pair: Pair) -> tuple[float, float]:
     """Return the number of events of the first sample minus that expected, and the variance of this excess."""
     times = np.unique(np.concatenate([each.values[each.observed] for each in pair]))
     at_risk = [len(each.values) - np.searchsorted(np.sort(each.values), times) for each in pair]
-    events = [
-        np.searchsorted(ended, times, "right") - np.searchsorted(ended, times)
-        for ended in (np.sort(each.values[each.observed]) for each in pair)
-    ]
+    ended = [np.searchsorted(times, each.values[each.observed]) for each in pair]
+    events = [np.bincount(places, minlength=len(times)) for places in ended]
     n, d = at_risk[0] + at_risk[1], events[0] + events[1]
     share = at_risk[0] / n
     variance = d * share * (1 - share) * (n - d) / np.maximum(n - 1, 1)
@@ -344,13 +342,16 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
         parts = [log_rank_parts(pair) for pair in good]
         p_values, p_value = [log_rank([each]) for each in parts], log_rank(parts)
     else:
-        p_values, p_value = _permutation_test(good, of_logarithms=is_ratio)
+        # two samples may be of one seed, and two points of two sweeps too
+        seeds = [number + sum(each.seed // 2 for each in pair) for number, pair in enumerate(good)]
+        permuted = [permute(*each, of_logarithms=is_ratio) for each in zip(good, seeds, strict=True)]
+        p_values = [share_as_large(studentised([each])) for each in permuted]
+        p_value = share_as_large(studentised(permuted)) if permuted else math.nan
     contrasts = [contrast(pair, of_logarithms=is_ratio) for pair in good]
-    tested = iter(zip(p_values, contrasts, strict=True))
-    mean, estimates = mean_contrast(contrasts), [each.estimate for each in contrasts]
-    if all(pair.is_share for pair in good):
-        estimates = [share_difference(*pair) for pair in good]
-        mean = mean_share_difference(estimates)
+    each = zip(good, contrasts, strict=True)
+    estimates = [share_difference(*pair) if pair.is_share else found.estimate for pair, found in each]
+    mean = mean_share_difference(estimates) if all(pair.is_share for pair in good) else mean_contrast(contrasts)
+    tested = iter(zip(p_values, estimates, strict=True))
     return Comparison(
         a=samples.names[a],
         b=samples.names[b],
@@ -373,17 +374,15 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
 
 
 def _compare_point(
-    axes: dict[str, Any], pair: Pair, p_value: float, tested: Contrast | None, *, is_ratio: bool
+    axes: dict[str, Any], pair: Pair, p_value: float, tested: Estimate | None, *, is_ratio: bool
 ) -> PointComparison:
     first, second = (estimate(each, Statistic.MEAN) for each in pair)
     difference = Estimate(second.value - first.value)
     ratio = Estimate(second.value / first.value) if min(first.value, second.value) > 0 else UNDETERMINED
     if is_ratio and tested is not None and not math.isnan(ratio.value):
-        ratio = tested.estimate.apply(math.exp)
-    elif not is_ratio and pair.is_share:
-        difference = share_difference(*pair)
+        ratio = tested.apply(math.exp)
     elif not is_ratio and tested is not None:
-        difference = tested.estimate
+        difference = tested
     return PointComparison(
         axes=axes,
         trials=(first.n, second.n),
@@ -395,17 +394,6 @@ def _compare_point(
         ratio=ratio,
         p_value=p_value,
     )
-
-
-def _permutation_test(pairs: Sequence[Pair], *, of_logarithms: bool) -> tuple[list[float], float]:
-    """Return the p-value of each pair, and that of all together; NaN without any."""
-    # two samples may be of one seed, and two points of two sweeps too
-    permuted = [
-        permute(pair, number + pair.first.seed // 2 + pair.second.seed // 2, of_logarithms=of_logarithms)
-        for number, pair in enumerate(pairs)
-    ]
-    together = share_as_large(studentised(permuted)) if permuted else math.nan
-    return [share_as_large(studentised([each])) for each in permuted], together
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -456,14 +444,9 @@ def comparison_tables(compared: Sequence[Comparison]) -> list[Table]:
 
 def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Iterator[str]:
     points = [point for each in compared for point in each.points]
-    statistics, tests, tested = (
-        " or ".join(dict.fromkeys(names))
-        for names in (
-            [point.statistic for point in points],
-            [each.test for each in compared],
-            [headings[each.tested] for each in compared],
-        )
-    )
+    statistics = " or ".join(dict.fromkeys(point.statistic for point in points))
+    tests = " or ".join(dict.fromkeys(each.test for each in compared))
+    tested = " or ".join(dict.fromkeys(headings[each.tested] for each in compared))
     whose = " (Newcombe's)" if statistics == "share" else ""
     yield f"Compared: {statistics}. p and interval{whose}: of {tested}; p: {tests}; Holm: corrected for their number."
     restricted = sum(max(point.censored) > 0 and point.ratio.has_interval for point in points)

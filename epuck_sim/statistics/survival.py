@@ -191,21 +191,15 @@ def _means(curves: SurvivalCurves, trials: int, starts: FloatArray) -> FloatArra
         lines, squares = fit_lines(*points, np.tile(start, (len(best), 1)))
         is_better = squares < least
         best[is_better], least[is_better] = lines[is_better], squares[is_better]
-    means = weibull_means(-best[:, 0] / best[:, 1], best[:, 1])
+    log_gammas = np.array([math.lgamma(1 + 1 / shape) for shape in best[:, 1].tolist()])
+    with np.errstate(over="ignore"):
+        means: FloatArray = np.exp(-best[:, 0] / best[:, 1] + log_gammas)  # alpha Gamma(1 + 1 / gamma)
     at_one_time, column = np.nonzero(curves.events == trials)
     means[at_one_time] = curves.times[column]
     uncensored = curves.events.sum(axis=1)
     # divide, because 0.1 * trials may round up
     is_undetermined = np.isnan(means) | (uncensored / trials < MIN_UNCENSORED)
     means[is_undetermined & (uncensored < trials)] = math.inf
-    return means
-
-
-def weibull_means(log_scales: FloatArray, shapes: FloatArray) -> FloatArray:
-    """Return the means, alpha Gamma(1 + 1 / gamma), (B,) cycles, of these log alpha, (B,), and gamma, (B,); or inf."""
-    log_gammas = np.array([math.lgamma(1 + 1 / shape) for shape in shapes.tolist()])
-    with np.errstate(over="ignore"):
-        means: FloatArray = np.exp(log_scales + log_gammas)
     return means
 
 

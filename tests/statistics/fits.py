@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.statistics.statistic import Measured
-from epuck_sim.statistics.survival import local_fits, make_curve, weibull_means
+from epuck_sim.statistics.survival import local_fits, make_curve
 
 LIMIT = 1000.0
 
@@ -40,7 +40,8 @@ class Weibull(NamedTuple):
 
     @property
     def mean(self) -> float:
-        return float(weibull_means(np.array([math.log(self.scale)]), np.array([self.shape]))[0])
+        with np.errstate(over="ignore"):
+            return float(np.exp(math.log(self.scale) + math.lgamma(1 + 1 / self.shape)))
 
 
 def fit_weibull(times, observed) -> Weibull | None:
