@@ -9,8 +9,8 @@ import pytest
 
 import epuck_sim
 from epuck_sim import StoreError, load_scenario, read_points, run_sweep
+from epuck_sim.runs.compatibility import merge_folders
 from epuck_sim.runs.reader import read_status
-from epuck_sim.runs.share import merge_folders
 from tests.cli.commands import call, called
 from tests.old.make import FILM, HERE, READERS, RUN, SHARES, run_values, values
 from tests.sweep.pool_here import pool_here

@@ -11,8 +11,8 @@ from epuck_sim.cli.options import read_scenario
 from epuck_sim.cli.tables import describe_at_limit, folded, show
 from epuck_sim.display.html import in_words
 from epuck_sim.estimate import Estimate
+from epuck_sim.runs.compatibility import WHOLE, Share
 from epuck_sim.runs.reader import PointAtLimit, read_status, read_wall_times
-from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.scenario.loader import RUN_SCENARIO, Point
 from epuck_sim.statistics.planning import TrialPlan
 from epuck_sim.statistics.statistic import Measured, estimate_mean

@@ -251,8 +251,8 @@ def merge(
     Folders of another scenario, another controller or other versions are refused. `run WHOLE` runs what is missing.
     """
     from epuck_sim.cli.tables import print_status
+    from epuck_sim.runs.compatibility import merge_folders
     from epuck_sim.runs.reader import read_status
-    from epuck_sim.runs.share import merge_folders
 
     merge_folders(folders, out)
     print_status(read_status(out), as_json)

@@ -15,9 +15,9 @@ from epuck_sim.cli.tables import print_json, print_status, print_trials
 from epuck_sim.cli.terminal import pressed_keys
 from epuck_sim.errors import ScenarioError
 from epuck_sim.recording import Level
+from epuck_sim.runs.compatibility import Share
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_outcome, read_status
-from epuck_sim.runs.share import Share
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO, Point, points
 from epuck_sim.scenario.scenario import Scenario, require_model

@@ -17,9 +17,9 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.measure import T_SYNC_S, Value
+from epuck_sim.runs.compatibility import WHOLE, read_share
 from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
 from epuck_sim.runs.folder import DATABASE, current_holder, database_of
-from epuck_sim.runs.share import WHOLE, read_share
 from epuck_sim.runs.sources import DIGESTS, read_digests
 from epuck_sim.scenario.axes import canonical_text, texts_of_values
 from epuck_sim.scenario.base import refused_at
@@ -64,11 +64,6 @@ class SweepTrials(list[PointTrials]):
     """The points of a sweep, in its order, with their trials; notebooks show them as a table."""
 
     folder: Path  # run folder from which they were read
-
-    @property
-    def of(self) -> str | None:
-        """Name of the requested measure; None if none was requested."""
-        return self[0].of if self else None
 
     def to_pandas(self) -> "pandas.DataFrame":
         """Return a DataFrame of pandas with a row for each trial of the points, and the columns that `export` writes.

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Self
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.compatibility import WITH_VALUES, check_same_sweep, read_stored_points, stored_point
+from epuck_sim.runs.compatibility import WHOLE, Share, check_stored_points, read_share, stored_point
 from epuck_sim.runs.database import (
     ENTER_POINT,
     NULL,
@@ -32,7 +32,6 @@ from epuck_sim.runs.database import (
 )
 from epuck_sim.runs.folder import DATABASE, acquire, is_at
 from epuck_sim.runs.reader import FinishedTrials, measures_in, read_ends, read_finished
-from epuck_sim.runs.share import WHOLE, Share, read_share
 from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import Scenario
@@ -79,8 +78,7 @@ class Store:
             is_new = not self._path.exists()
             if not is_new:
                 with reading(folder) as connection:
-                    last = "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)"
-                    check_same_sweep(folder, read_stored_points(connection, last, WITH_VALUES), rows)
+                    check_stored_points(folder, connection, rows)
                     was = read_share(connection)
                 if share not in (None, was):
                     what = "the whole sweep" if was == WHOLE else f"share {was}"

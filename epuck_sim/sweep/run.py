@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.compatibility import WHOLE, Share
 from epuck_sim.runs.reader import FinishedTrials
-from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Outcome, Store
 from epuck_sim.scenario.loader import Point, load_scenario, points
 from epuck_sim.scenario.scenario import ScenarioLike

@@ -19,8 +19,8 @@ from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import calibrate_lens, find_views, read_lens, save_lens
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.track import track_film
+from epuck_sim.runs.compatibility import Share
 from epuck_sim.runs.reader import read_status
-from epuck_sim.runs.share import Share
 from epuck_sim.trial.model import simulate
 from tests.golden import digest
 from tests.overhead.cameras import charuco, film_of, lens_matrix

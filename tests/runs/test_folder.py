@@ -17,10 +17,10 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import database, store
 from epuck_sim.runs import folder as folders
+from epuck_sim.runs.compatibility import Share, read_share
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import HOLDER, LEASE_S, current_holder, own_name, take_over
 from epuck_sim.runs.reader import read_status
-from epuck_sim.runs.share import Share, read_share
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.util.provenance import host

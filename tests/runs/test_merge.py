@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import StoreError
+from epuck_sim.runs.compatibility import Share, merge_folders
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import FinishedTrials, read_status, verify
-from epuck_sim.runs.share import Share, merge_folders
 from epuck_sim.runs.sources import is_trusted
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario, points

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.compatibility import Share
 from epuck_sim.runs.reader import FinishedTrials, read_points, read_status
-from epuck_sim.runs.share import Share
 from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_sizes
