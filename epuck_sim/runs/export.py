@@ -54,10 +54,8 @@ def read_table(folder: Path, *, is_text: bool = False) -> Any:
     or its JSON if `is_text`. Where trials have events, `events` holds them as JSON.
     """
     with reading(folder) as connection:
-        points = {
-            number: json.loads(axes)
-            for number, axes in connection.execute("SELECT number, axes FROM points ORDER BY number")
-        }
+        numbered = connection.execute("SELECT number, axes FROM points ORDER BY number")
+        points = {number: json.loads(axes) for number, axes in numbered}
         wanted = ", ".join("number" if name == "point" else name for name in COLUMNS)
         names = measures_in(connection)
         rows = connection.execute(

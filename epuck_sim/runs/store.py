@@ -156,7 +156,13 @@ class Store:
         places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
         self._new = 0
         self._check_ours()
-        self._check_sources()
+        for path, contents in self._sources.items():
+            with suppress(OSError):  # an editor is replacing it
+                if path.read_bytes() != contents:
+                    raise StoreError(
+                        f"{path}: was changed while this run was at work; the run has ended: {self._path.parent} "
+                        "has trials of the old file; restore that to go on, or give another folder"
+                    )
         with sqlite_errors(self._path), self._connection:
             if self._has_measures:
                 are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
@@ -174,15 +180,6 @@ class Store:
                 f"{self._path.parent}: was moved, deleted, replaced or taken over while this run was at work on it; "
                 "the run has ended, and its results are where the folder is now: go on there"
             )
-
-    def _check_sources(self) -> None:
-        for path, contents in self._sources.items():
-            with suppress(OSError):  # an editor is replacing it
-                if path.read_bytes() != contents:
-                    raise StoreError(
-                        f"{path}: was changed while this run was at work; the run has ended: {self._path.parent} "
-                        "has trials of the old file; restore that to go on, or give another folder"
-                    )
 
     def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
         columns = (*REPEATED, "measured", "events")

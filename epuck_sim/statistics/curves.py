@@ -4,7 +4,7 @@ Only trials that reach a cycle count there. Where trials end by themselves, as w
 differ from those that have ended.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -159,25 +159,21 @@ class PointSeries(NamedTuple):
             found |= dict(zip(ends, getattr(self.statistics, name).T, strict=True))
         return {"axes": self.axes, **{name: plain(values.tolist()) for name, values in found.items()}}
 
-    def rows(self) -> Iterator[Row]:
-        """Yield a row for some of the cycles: 1, 2 and 5 of each decade, and the last one."""
-        cycles, _, known, means, medians, over = self.statistics
-        last = len(cycles)
-        shown = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
-        shown |= set() if over == "cycle" else set(range(1, MOST + 1))
-        for at in sorted(cycle - 1 for cycle in shown if 0 < cycle <= last):
-            mean, median = (Estimate(*each[at].tolist()) for each in (means, medians))
-            yield Row({**self.axes, over: at + 1}, {"trials": int(known[at]), "mean": mean, "median": median})
-
 
 STEPS = (1, 2, 5)  # cycles of each decade that tables show, besides the last one
 MOST = 20  # number of first items that tables show of series that are not over cycles
 
 
 def series_table(title: str, points: Sequence[PointSeries]) -> Table:
-    """Return a table of the series at each point, at some of the cycles."""
-    rows = [row for point in points for row in point.rows()]
-    over = points[0].statistics.over
+    """Return a table of the series at each point, at some of the cycles: 1, 2 and 5 of each decade, and the last."""
+    over, rows = points[0].statistics.over, []
+    for axes, (cycles, _, known, means, medians, _) in points:
+        last = len(cycles)
+        shown = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
+        shown |= set() if over == "cycle" else set(range(1, MOST + 1))
+        for at in sorted(cycle - 1 for cycle in shown if 0 < cycle <= last):
+            mean, median = (Estimate(*each[at].tolist()) for each in (means, medians))
+            rows.append(Row({**axes, over: at + 1}, {"trials": int(known[at]), "mean": mean, "median": median}))
     notes = [f"Trials: those that reach the {over} and have a value there."]
     return Table(f"{title} at {over}s, with 95 % intervals", rows, notes)
 

@@ -41,12 +41,9 @@ class TrialPlan(NamedTuple):
 
     def table(self, name: str) -> Table:
         """Return a table of what each point needs; `name` is the sweep's."""
-        wanted = ("point", "stored", "statistic", "mean", "spread", "trials")
-        rows = [Row(point.axes, {key: getattr(point, key) for key in wanted}) for point in self.points]
+        cells = ("point", "stored", "statistic", "mean", "spread", "trials")
+        rows = [Row(point.axes, {cell: getattr(point, cell) for cell in cells}) for point in self.points]
         headings = {"mean": "estimate", "spread": "spread / mean"}
-        return Table(f"{name}: {quantity(self.of)}", rows, self._notes(), headings)
-
-    def _notes(self) -> list[str]:
         unit = "percentage points" if self.is_of_shares else "%"
         wanted = f"a difference of {100 * self.difference:g} {unit} in {100 * self.power:g} % of all cases"
         if any(point.trials is not None for point in self.points):
@@ -58,8 +55,10 @@ class TrialPlan(NamedTuple):
         else:
             of = "" if self.of in T_SYNC else f" with a value of {self.of}"
             said = f"No point has {MIN_TRIALS} trials{of}, the fewest for a spread; run again with --trials 20 or more."
-        over_all = f"Over all points together, if all differ alike: {self.over_all} at each."
-        return [said, *[over_all] * (self.over_all is not None)]
+        notes = [said]
+        if self.over_all is not None:
+            notes.append(f"Over all points together, if all differ alike: {self.over_all} at each.")
+        return Table(f"{name}: {quantity(self.of)}", rows, notes, headings)
 
 
 def plan_trials(points: Sequence[PointTrials], difference: float, power: float) -> TrialPlan:

@@ -96,12 +96,18 @@ class Violins(Form):
         top = 3 * float(np.concatenate(kept).max(initial=self.censored_at or 1)) if self.of in T_SYNC else np.inf
         is_log, has_logs = is_logarithmic(self.axis, x), style.has_log_scale(self.of, shown, self.settings.scale)
         places = np.unique(np.log10(x) if is_log else x)
-        half_width = HALF_WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
+        half_width = HALF_WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)  # in decades where x has logs
         for panel, curve in zip(panels, self.curves, strict=True):
             style.make_logarithmic(panel, *["y"] * has_logs, *["x"] * is_log)
             style.mark_wholes(panel.xaxis, x)
             style.set_names(panel, self.names)
-            self._draw_violins(panel, curve, half_width, is_log, has_logs)
+            label = "trials that synchronised" if self.of in T_SYNC else "trials"
+            for at, times, censored in zip(curve.x, synchronised(curve), curve.censored, strict=True):
+                if len(times):
+                    heights, widths = density(times, of_logarithms=has_logs)
+                    ends = np.outer((-half_width, half_width), (1 - censored) * widths)
+                    left, right = (at * 10**end if is_log else at + end for end in ends)
+                    panel.fill_betweenx(heights, left, right, color=VIOLIN, linewidth=1, label=label)
             self._draw_estimates(panel, curve, top)
             if self.settings.points:
                 draw_trials(panel, curve, "black")
@@ -109,16 +115,6 @@ class Violins(Form):
                 label = f"{style.typeset('T_cens')} of the Weibull mean: {self.censored_at}"
                 panel.axhline(self.censored_at, color=style.GREY, linestyle="--", linewidth=1, label=label)
         end_scale(panels, self.curves, top)
-
-    def _draw_violins(self, panel: Axes, curve: Curve, half_width: float, is_log: bool, has_logs: bool) -> None:
-        """Draw violins with this largest half-width, in decades where x is logarithmic."""
-        label = "trials that synchronised" if self.of in T_SYNC else "trials"
-        for x, times, censored in zip(curve.x, synchronised(curve), curve.censored, strict=True):
-            if len(times):
-                heights, widths = density(times, of_logarithms=has_logs)
-                ends = np.outer((-half_width, half_width), (1 - censored) * widths)
-                left, right = (x * 10**end if is_log else x + end for end in ends)
-                panel.fill_betweenx(heights, left, right, color=VIOLIN, linewidth=1, label=label)
 
     def _draw_estimates(self, panel: Axes, curve: Curve, top: float) -> None:
         low, high = np.nan_to_num(curve.intervals, posinf=1e12, nan=np.nan).T
