@@ -118,11 +118,11 @@ def load_scenario(
     >>> scenario.arena.width_cm
     100.0
     """
+    if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
+        return complete(source, source.name)
     for name, texts, kind in (("settings", settings, str), ("axes", axes, str), ("measures", measures, str | Path)):
         if isinstance(texts, str | Path | Mapping) or not all(isinstance(each, kind) for each in texts):
             raise ScenarioError(f"{name} is {texts!r}; allowed: a list of such texts")
-    if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
-        return complete(source, source.name)
     given, origin, folder = _read(source)
     given = _choose_version(given, origin, folder, quick=quick)
     if controller is not None:
