@@ -100,10 +100,9 @@ def bytes_needed(controller: Controller, robots: int) -> int:
     return controller.parameter_type.itemsize + (robots + 1) * controller.memory.itemsize
 
 
-def assign_bytes(swarm: Swarm, number: int, controller: Controller, first: int) -> None:
-    """Write to a group's record the offsets of its controllers' bytes, which begin at `first` in `Swarm.bytes`."""
+def assign_bytes(swarm: Swarm, group: Any, controller: Controller, first: int) -> int:
+    """Write to a GROUP where its controllers' bytes are, from `first` in `Swarm.bytes` on; return their end there."""
     parameters, memory = controller.parameter_type, controller.memory
-    group = swarm.groups[number]
     group.parameters = swarm.scene[0].at[BYTES] + first
     group.memory = group.parameters + parameters.itemsize
     group.memory_bytes = memory.itemsize
@@ -113,6 +112,7 @@ def assign_bytes(swarm: Swarm, number: int, controller: Controller, first: int) 
         assert parameters.fields
         group.phase, group.period = memory.fields["phase_ms"][1], parameters.fields["period_s"][1]
         group.phase_is_float = memory["phase_ms"].kind == "f"
+    return first + bytes_needed(controller, group.count)
 
 
 class GroupControllers(UserCode):

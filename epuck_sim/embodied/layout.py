@@ -14,15 +14,14 @@ from epuck_sim.embodied.cells import cells_needed, set_cells
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS
 from epuck_sim.embodied.controllers import assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.camera import set_camera
-from epuck_sim.embodied.sensors.flash_cone import set_cone
 from epuck_sim.embodied.sensors.infrared import set_infrared
-from epuck_sim.embodied.sensors.radio import set_radio, slots_of
+from epuck_sim.embodied.sensors.signals import set_signal, slots_of
 from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
 from epuck_sim.embodied.user_code import assign_sense, sensed_bytes_needed
 from epuck_sim.faults import set_faults
 from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection, arena_after, arena_entries
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
-from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup, members
+from epuck_sim.scenario.robots import CameraSignal, RobotGroup, members
 
 
 def make_swarm_block(
@@ -43,11 +42,9 @@ def make_swarm_block(
         furnish(swarm, scenario.robots, scenario.group_kinds, arenas[0], scenario.timing)
         _set_floor(swarm, arenas[0])
         _set_robots(swarm.robots, scenario)
-        _set_groups(swarm, scenario, controllers)
-        _set_senses(swarm, scenario, sensors)
+        _set_groups(swarm, scenario, controllers, sensors)
         set_faults(swarm.faults, scenario.faults, scenario.sensor_names)
         swarm.scene[0].hides_flashes = any(section.changes == "flashes" for section in scenario.faults)
-        _set_reference(swarm, scenario.stop.reference_robot)
         _last.update({"from": made_from, "block": block, "arenas": arenas})
     block = _last["block"].copy()
     return block, open_block(block), _last["arenas"]
@@ -86,9 +83,7 @@ def furnish(
         if isinstance(section.signal, CameraSignal):
             set_camera(group.camera, swarm.rays[group.ray : ray], section.camera, kind, timing.control_hz)
         else:
-            set_cone(group.cone, section.signal, kind.camera_forward_cm)
-        if isinstance(section.signal, RadioSignal):
-            set_radio(group.radio, section.signal, timing.step_ms)
+            set_signal(group, section.signal, kind.camera_forward_cm, timing.step_ms)
 
 
 def _lengths(
@@ -186,35 +181,28 @@ def _set_robots(robots: Any, scenario: EmbodiedScenario) -> None:
     robots.starts_anew_at = -1.0
 
 
-def _set_groups(swarm: Swarm, scenario: EmbodiedScenario, controllers: Sequence[Controller]) -> None:
-    row, pulses, byte = 0, 0, 0
+def _set_groups(
+    swarm: Swarm, scenario: EmbodiedScenario, controllers: Sequence[Controller], sensors: Sequence[Sequence[Sensor]]
+) -> None:
+    """Write the places of all that robots of each group have in the block, and of the reference's phase."""
+    row, pulses, byte, sense, sensed = 0, 0, 0, 0, 0
     later = sum(section.count * section.pixels for section in scenario.robots)  # behind all rows that controllers read
-    sections = zip(scenario.robots, scenario.group_kinds, controllers, strict=True)
-    for number, (section, kind, controller) in enumerate(sections):
-        group, rows = swarm.groups[number], section.count * section.pixels
+    sections = zip(swarm.groups, scenario.robots, scenario.group_kinds, controllers, sensors, strict=True)
+    for group, section, kind, controller, listed in sections:
+        rows = section.count * section.pixels
         group.row, group.in_view, group.waiting = row, row, row
         if section.pictures > 1:
             group.in_view, group.waiting, later = later, later + rows, later + 2 * rows
-        group.radio.first = pulses
+        group.radio.first, group.sense = pulses, sense
         set_infrared(group.infrared, kind, section.infrared, scenario.noise.infrared_counts)
-        assign_bytes(swarm, number, controller, byte)
+        byte = assign_bytes(swarm, group, controller, byte)
         row += rows
-        pulses += slots_of(section.signal, scenario.timing.step_ms) * section.count
-        byte += bytes_needed(controller, section.count)
-
-
-def _set_senses(swarm: Swarm, scenario: EmbodiedScenario, sensors: Sequence[Sequence[Sensor]]) -> None:
-    number, byte = 0, 0
-    for group, section, listed in zip(swarm.groups, scenario.robots, sensors, strict=True):
-        group.sense = number
+        pulses += group.radio.slots * section.count
         for name, sensor in zip(section.sensors, listed, strict=True):
-            swarm.senses[number].name = scenario.sensor_names.index(name)
-            assign_sense(swarm.senses[number], sensor, group.first, group.count, byte)
-            number, byte = number + 1, byte + sensed_bytes_needed(sensor, group.count)
-
-
-def _set_reference(swarm: Swarm, robot: int) -> None:
-    scene = swarm.scene[0]
+            swarm.senses[sense].name = scenario.sensor_names.index(name)
+            sensed = assign_sense(swarm.senses[sense], sensor, group.first, group.count, sensed)
+            sense += 1
+    scene, robot = swarm.scene[0], scenario.stop.reference_robot
     group = swarm.groups[group_of(swarm, robot)]
     scene.reference, scene.lit_phase = robot if group.phase >= 0 else -1, math.nan
     scene.reference_phase = group.memory + (robot - group.first) * group.memory_bytes + group.phase

@@ -20,9 +20,8 @@ from epuck_sim.embodied.changes.schedule import blank, rest
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contacts, make_scene
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
-from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
 from epuck_sim.embodied.sensors.infrared import sense_infrared
-from epuck_sim.embodied.sensors.radio import receive_pulses
+from epuck_sim.embodied.sensors.signals import perceive_flashes, receive_pulses
 from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, PIXELS, Swarm, copy_array, swarm_at
 from epuck_sim.embodied.user_code import OwnSensor
 from epuck_sim.scenario.embodied import EmbodiedScenario

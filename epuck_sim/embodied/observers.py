@@ -17,8 +17,8 @@ from epuck_sim.embodied.bodies.contacts import SLOP_CM
 from epuck_sim.embodied.cells import cells_around, members_in_row, sort_into_cells
 from epuck_sim.embodied.layout import furnish, room_for
 from epuck_sim.embodied.sensors.camera import see
-from epuck_sim.embodied.sensors.flash_cone import perceives
 from epuck_sim.embodied.sensors.sight import list_labelled
+from epuck_sim.embodied.sensors.signals import perceives
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
 from epuck_sim.scenario.embodied import TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind

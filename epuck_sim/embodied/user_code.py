@@ -203,14 +203,15 @@ def sensed_bytes_needed(sensor: Sensor, robots: int) -> int:
     return sensor.parameter_type.itemsize + robots * (2 * sensor.readings.itemsize + STREAM_BYTES)
 
 
-def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int) -> None:
-    """Set the SENSE of a sensor of `count` robots, from number `first` on, whose bytes begin at `byte`."""
+def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int) -> int:
+    """Set the SENSE of a sensor of `count` robots from `first` on; return the end of its bytes, from `byte` on."""
     record.first, record.count, record.parameters = first, count, byte
     record.readings = byte + sensor.parameter_type.itemsize
     record.random = record.readings + count * sensor.readings.itemsize
     record.kept = record.random + count * STREAM_BYTES
     fields = [sensor.readings[name] for name in sensor.readings.names or ()]
     record.floats = sum(int(np.prod(field.shape, dtype=int)) for field in fields if field.base.kind == "f")
+    return byte + sensed_bytes_needed(sensor, count)
 
 
 def readings_of(swarm: Swarm, record: Any, sensor: Sensor) -> npt.NDArray[np.void]:

@@ -23,7 +23,7 @@ from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.embodied import controllers, loop, start
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.sensors import camera, flash_cone, infrared, radio
+from epuck_sim.embodied.sensors import camera, infrared, signals
 from epuck_sim.embodied.user_code import completion, run_sensor
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
@@ -77,7 +77,7 @@ _ROBOTS: tuple[Root, ...] = (
     (loop.take_steps, (*_SWARM, types.int64, types.boolean)),
     *((kernel, _OF_GROUP) for kernel in (loop.tick, loop.stop_and_release, infrared.sense_infrared)),
     *((kernel, _OF_GROUP) for kernel in (camera.look, camera.take_pictures, camera.add_reflections)),
-    *((kernel, _OF_GROUP) for kernel in (flash_cone.perceive_flashes, radio.receive_pulses)),
+    *((kernel, _OF_GROUP) for kernel in (signals.perceive_flashes, signals.receive_pulses)),
 )
 
 

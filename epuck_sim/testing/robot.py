@@ -140,18 +140,18 @@ class TestRobot:
         told = [name for sensor in own for name in sensor.readings.names or ()]
         if twice := next((name for name in told if told.count(name) > 1), None):
             raise ValueError(f"two of the sensors have the reading {twice!r}; give one of them")
-        sizes = [sensed_bytes_needed(sensor, 1) for sensor in own]
         lengths = {"robots": 1, "groups": 1, "pixels": whole("pixels", pixels), "bytes": bytes_needed(found, 1)}
-        block = make_block({**lengths, "senses": len(own), "sensed": sum(sizes)})
-        swarm = open_block(block)
-        for number, sensor in enumerate(own):
-            assign_sense(swarm.senses[number], sensor, 0, 1, sum(sizes[:number]))
+        bytes_of_sensors = sum(sensed_bytes_needed(sensor, 1) for sensor in own)
+        block = make_block({**lengths, "senses": len(own), "sensed": bytes_of_sensors})
+        swarm, byte = open_block(block), 0
+        for sense, sensor in zip(swarm.senses, own, strict=True):
+            byte = assign_sense(sense, sensor, 0, 1, byte)
         robots = swarm.robots
         swarm.scene[0].serving = -1
         robots.wheel_limit_cm_s, robots.wheel_base_cm = wheels
         swarm.groups.count, swarm.groups.pixels = 1, pixels
         robots.present, robots.random = True, robot_streams(np.random.SeedSequence(whole("seed", seed, 0)), 1)
-        assign_bytes(swarm, 0, found, 0)
+        assign_bytes(swarm, swarm.groups[0], found, 0)
         self._senses, self._actuators = Record("sensors", robots.sensors), Record("actuators", robots.actuators)
         self._pixels = Record("sensors", swarm.pixels.view([("camera", swarm.pixels.dtype, pixels)]))
         self.step_ms, self.distance_mm, self.new_picture = whole("step_ms", step_ms), OUT_OF_RANGE_MM, True

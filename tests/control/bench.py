@@ -38,8 +38,8 @@ def controlled_swarm(controllers, counts, pixels, *, interpret=True, **rooms):
 
     Rooms are lengths of further arrays of the block.
     """
-    robots, sizes = sum(counts), list(map(bytes_needed, controllers, counts))
-    lengths = {"robots": robots, "groups": len(counts), "pixels": robots * pixels, "bytes": sum(sizes)}
+    robots, needed = sum(counts), sum(map(bytes_needed, controllers, counts))
+    lengths = {"robots": robots, "groups": len(counts), "pixels": robots * pixels, "bytes": needed}
     block = make_block({**lengths, **rooms})
     swarm = open_block(block)
     members, groups, swarm.scene[0].serving = swarm.robots, swarm.groups, -1
@@ -48,9 +48,9 @@ def controlled_swarm(controllers, counts, pixels, *, interpret=True, **rooms):
     members.present, members.random = True, robot_streams(np.random.SeedSequence(1), robots)
     members.wheel_limit_cm_s, members.wheel_base_cm = EPUCK_WHEELS
     members.sensors.distance_mm, members.sensors.new_picture = OUT_OF_RANGE_MM, True
-    runs = []
+    runs, byte = [], 0
     for number, controller in enumerate(controllers):
-        assign_bytes(swarm, number, controller, sum(sizes[:number]))
+        byte = assign_bytes(swarm, groups[number], controller, byte)
         run = GroupControllers(block, swarm, number, controller, interpret=interpret)
         run.parameters[:] = controller.parameter_record(controller.parameters)
         runs.append(run)

@@ -15,7 +15,7 @@ from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.infrared import read_nothing
-from epuck_sim.embodied.sensors.radio import forget_signals
+from epuck_sim.embodied.sensors.signals import forget_signals
 from epuck_sim.embodied.swarm import Swarm, group_of, open_block, swarm_at
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.changes import RobotDisplacement

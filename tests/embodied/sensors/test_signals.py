@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from epuck_sim import Simulation
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.observers import write_sightings
-from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, set_cone
+from epuck_sim.embodied.sensors.signals import perceive_flashes, set_signal
 from epuck_sim.scenario.robots import ConeSection, EnkiCameraSignal
 from tests.control.bench import with_step, write_controller
 from tests.embodied import scenes
@@ -30,9 +30,8 @@ SEND, LISTEN = {}, {"first": 10**6}
 
 def with_cone(scene: scenes.Scene, section: ConeSection, occlusion: bool, observer: int = 0):
     block = scenes.block_of(scene, scenes.CameraSettings(1, 56.0, 1), observer)
-    cone = block.swarm.groups[0].cone
-    set_cone(cone, section, scene.body.camera_forward_cm)
-    cone.occlusion = occlusion
+    set_signal(block.swarm.groups[0], section, scene.body.camera_forward_cm, 100)
+    block.swarm.groups[0].cone.occlusion = occlusion
     return block
 
 
