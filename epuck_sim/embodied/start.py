@@ -17,20 +17,8 @@ from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import members
+from epuck_sim.util import generators
 from epuck_sim.util.elementary import hypot
-from epuck_sim.util.generators import (
-    DRAW_BEGIN,
-    SEQUENCE_WORDS,
-    begin_sequence,
-    choose,
-    draw_row,
-    integer_between,
-    next_double,
-    seed_pcg64,
-    seed_sfc64,
-    seed_words,
-    spawn,
-)
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.rng import uniform
 
@@ -40,7 +28,7 @@ PLACEMENT, INFRARED_NOISE, WHEEL_NOISE, CONTROLLERS, VARIATION, SIGNALS, FAULTS,
 
 def draw_start(block: ByteArray, seed: int) -> None:
     """Set the generators and streams of a new swarm to their states at the start of the trial with this seed."""
-    draw_all(block, seed_words(seed), np.empty(2 * SEQUENCE_WORDS, np.uint64))
+    draw_all(block, generators.seed_words(seed), np.empty(2 * generators.SEQUENCE_WORDS, np.uint64))
 
 
 @jit_no_alloc
@@ -50,21 +38,21 @@ def draw_all(block: ByteArray, words: WordArray, scratch: WordArray) -> None:
     scene, robots = swarm.scene[0], swarm.robots
     size = len(scratch) // 2
     trial, part = scratch[:size], scratch[size:]
-    begin_sequence(trial, words)
+    generators.begin_sequence(trial, words)
     for key in range(SIGNALS + 1):
-        spawn(part, trial, key)
+        generators.spawn(part, trial, key)
         if key == PLACEMENT:
-            seed_pcg64(scene.placement_random, part)
+            generators.seed_pcg64(scene.placement_random, part)
         elif key == INFRARED_NOISE:
-            seed_sfc64(scene.noise_random, part)
+            generators.seed_sfc64(scene.noise_random, part)
         elif key == WHEEL_NOISE:
-            seed_sfc64(scene.slip_random, part)
+            generators.seed_sfc64(scene.slip_random, part)
         elif key == CONTROLLERS or (key == VARIATION and scene.robots_vary) or (key == SIGNALS and scene.signals_draw):
-            factor = DRAW_BEGIN
+            factor = generators.DRAW_BEGIN
             for number in range(len(robots)):
                 robot = robots[number]
                 stream = robot.variation_random if key == VARIATION else robot.signal_random
-                factor = draw_row(robot.random if key == CONTROLLERS else stream, part, factor)
+                factor = generators.draw_row(robot.random if key == CONTROLLERS else stream, part, factor)
 
 
 @jit_no_alloc
@@ -177,12 +165,12 @@ def place_at_random(block: ByteArray, first: int, end: int) -> int:
         width, height = scene.width_cm - 2 * radius, scene.height_cm - 2 * radius
         is_placed = False
         for _ in range(MAX_DRAWS):
-            x = radius + width * next_double(random)
-            y = radius + height * next_double(random)
+            x = radius + width * generators.next_double(random)
+            y = radius + height * generators.next_double(random)
             if is_free(swarm, x, y, radius):
                 is_placed = True
                 robot.x, robot.y = x, y
-                robot.heading = 2 * math.pi * next_double(random)
+                robot.heading = 2 * math.pi * generators.next_double(random)
                 _take(swarm, number)
                 break
         if not is_placed:
@@ -207,14 +195,14 @@ def place_on_grid(block: ByteArray, first: int, end: int) -> int:
     if found < count:
         return found
     chosen = np.empty(count, np.int64)
-    choose(chosen, np.empty(found, np.int64), scene.placement_random)
+    generators.choose(chosen, np.empty(found, np.int64), scene.placement_random)
     for row in range(count):
         point, robot = free[chosen[row]], swarm.robots[first + row]
         robot.x = _grid_coordinate(scene.width_cm, columns, point % columns)
         robot.y = _grid_coordinate(scene.height_cm, rows, point // columns)
         _take(swarm, first + row)
     for row in range(count):
-        heading = integer_between(0, GRID_HEADINGS, scene.placement_random)
+        heading = generators.integer_between(0, GRID_HEADINGS, scene.placement_random)
         swarm.robots[first + row].heading = heading * (2 * math.pi / GRID_HEADINGS)
     return PLACED
 

@@ -1,4 +1,1 @@
-"""Sensors of robots: a file for each, with the function (block, addresses, group) that a step calls.
-
-May import: embodied's `swarm` and `cells`, and what the room may import.
-"""
+"""Sensors of robots: functions (block, addresses, group) that a step calls; may import `swarm`, `cells` and below."""

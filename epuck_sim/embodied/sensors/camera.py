@@ -23,23 +23,7 @@ import numpy as np
 
 from epuck_sim import elementary
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.embodied.sensors.sight import (
-    ATAN2_ERROR_RAD,
-    SECTOR_RAD,
-    SLACK_CM,
-    FieldOfView,
-    angular_radius_bound,
-    cells_in_strip,
-    distance_beyond,
-    fast_atan2,
-    find_lit,
-    find_visible,
-    make_strips,
-    make_wedge,
-    may_contain_robot,
-    to_disc,
-    to_segment,
-)
+from epuck_sim.embodied.sensors import sight
 from epuck_sim.embodied.swarm import Swarm, copy_array, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import CameraSection
@@ -106,10 +90,10 @@ def look(block: ByteArray, addresses: IntArray, number: int) -> None:
     rows = swarm.pixels[group.in_view : group.in_view + group.count * group.pixels]
     for pixel in range(len(rows)):
         rows[pixel] = 0
-    lit = find_lit(swarm)
+    lit = sight.find_lit(swarm)
     for place in range(group.count):
         if swarm.scene[0].hides_flashes:
-            lit = find_visible(block, addresses, swarm, group.first + place)
+            lit = sight.find_visible(block, addresses, swarm, group.first + place)
         if lit > 0:
             row = rows[place * group.pixels : (place + 1) * group.pixels]
             see(swarm, group, group.first + place, lit, row)
@@ -141,10 +125,10 @@ def eye_of(swarm: Swarm, number: int, camera: Any) -> Eye:
 
 
 @jit_inline
-def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int, largest_cm: float) -> FieldOfView:
+def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int, largest_cm: float) -> sight.FieldOfView:
     """Return a camera's field of view from pixel `left` to pixel `right`; largest_cm: radius of the largest robot."""
     first, last = rays[left], rays[right]
-    return FieldOfView(
+    return sight.FieldOfView(
         eye.x,
         eye.y,
         eye.cos * first.cos - eye.sin * first.sin,
@@ -152,7 +136,7 @@ def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int, larges
         eye.cos * last.cos - eye.sin * last.sin,
         eye.sin * last.cos + eye.cos * last.sin,
         right - left >= camera.pixels_per_rad * math.pi,
-        largest_cm + SLACK_CM,
+        largest_cm + sight.SLACK_CM,
     )
 
 
@@ -165,7 +149,7 @@ def see_lit(swarm: Swarm, lit: int, camera: Any, eye: Eye, picture: Picture) -> 
         number = swarm.numbers[place]
         robot = swarm.robots[number]
         dx, dy = robot.x - eye.x, robot.y - eye.y
-        if number != eye.robot and may_contain_robot(view, dx, dy):
+        if number != eye.robot and sight.may_contain_robot(view, dx, dy):
             label, last = picture.labels[number], camera.end - 1
             any_lit |= add_robot(dx, dy, robot.radius_cm, label, camera, eye, camera.first, last, picture)
     if any_lit:
@@ -178,7 +162,7 @@ def see_lit(swarm: Swarm, lit: int, camera: Any, eye: Eye, picture: Picture) -> 
 @jit_inline
 def see_sectors(swarm: Swarm, camera: Any, eye: Eye, picture: Picture) -> None:
     """Draw all robots in a picture, sector by sector, leaving out pixels that cannot change any more."""
-    pixels = max(1, int(SECTOR_RAD * camera.pixels_per_rad))
+    pixels = max(1, int(sight.SECTOR_RAD * camera.pixels_per_rad))
     left = camera.first
     while left < camera.end:
         if picture.depth[left] < 0.0:
@@ -196,20 +180,20 @@ def _see_sector(swarm: Swarm, camera: Any, eye: Eye, left: int, right: int, pict
     """Draw all robots in some pixels, strip by strip from near to far, until all remaining ones must be hidden."""
     scene = swarm.scene[0]
     view = view_between(camera, eye, picture.rays, left, right, scene.largest_cm)
-    strips = make_strips(view, scene)
-    wedge = make_wedge(view, strips)
+    strips = sight.make_strips(view, scene)
+    wedge = sight.make_wedge(view, strips)
     strip = strips.first
     while 0 <= strip < strips.total:
-        cell, spans, length = cells_in_strip(view, wedge, strips, strip, scene)
+        cell, spans, length = sight.cells_in_strip(view, wedge, strips, strip, scene)
         for span in range(spans):
             start = cell + span * scene.columns
             for place in range(swarm.cells[start], swarm.cells[start + length]):
                 member = swarm.members[place]
                 dx, dy = member.x - eye.x, member.y - eye.y
-                if may_contain_robot(view, dx, dy) and member.robot != eye.robot:
+                if sight.may_contain_robot(view, dx, dy) and member.robot != eye.robot:
                     label = picture.labels[member.robot]
                     add_robot(dx, dy, member.radius_cm, label, camera, eye, left, right, picture)
-        unseen = distance_beyond(wedge, strips, strip)
+        unseen = sight.distance_beyond(wedge, strips, strip)
         outer = right - left
         while left <= right and picture.depth[left] < unseen:
             left += 1
@@ -219,7 +203,7 @@ def _see_sector(swarm: Swarm, camera: Any, eye: Eye, left: int, right: int, pict
             return
         if right - left < outer:
             view = view_between(camera, eye, picture.rays, left, right, scene.largest_cm)
-            wedge = make_wedge(view, strips)
+            wedge = sight.make_wedge(view, strips)
         strip += strips.step
 
 
@@ -232,9 +216,9 @@ def add_robot(
     row, depth, rays = picture.row, picture.depth, picture.rays
     distance = math.sqrt(ahead * ahead + aside * aside)
     nearest = distance - radius - 1e-9
-    width = angular_radius_bound(distance, radius)
-    spread = (width + 2.0 * ATAN2_ERROR_RAD) * camera.pixels_per_rad
-    direction = fast_atan2(ahead, aside)
+    width = sight.angular_radius_bound(distance, radius)
+    spread = (width + 2.0 * sight.ATAN2_ERROR_RAD) * camera.pixels_per_rad
+    direction = sight.fast_atan2(ahead, aside)
     # a disc behind the camera may show at both ends of a row that looks nearly all round
     round_about = 1 if width + camera.half_view_rad >= math.pi else 0
     any_lit = False
@@ -245,7 +229,7 @@ def add_robot(
         for pixel in range(first, end):
             if depth[pixel] < nearest:
                 continue
-            reach = to_disc(0.0, 0.0, rays[pixel].cos, rays[pixel].sin, ahead, aside, radius)
+            reach = sight.to_disc(0.0, 0.0, rays[pixel].cos, rays[pixel].sin, ahead, aside, radius)
             if reach < depth[pixel] or (reach == depth[pixel] and label > row[pixel] and reach < math.inf):
                 depth[pixel] = reach
                 row[pixel] = label
@@ -267,11 +251,11 @@ def hide_behind_obstacles(swarm: Swarm, camera: Any, eye: Eye, picture: Picture)
         dy = eye.sin * ray.cos + eye.cos * ray.sin
         for place in range(scene.circles):
             circle = swarm.circles[place]
-            if to_disc(eye.x, eye.y, dx, dy, circle.x, circle.y, circle.radius) < depth[pixel]:
+            if sight.to_disc(eye.x, eye.y, dx, dy, circle.x, circle.y, circle.radius) < depth[pixel]:
                 row[pixel] = 0
         for place in range(scene.edges):
             edge = swarm.edges[place]
-            if to_segment(eye.x, eye.y, dx, dy, edge.ax, edge.ay, edge.bx, edge.by) < depth[pixel]:
+            if sight.to_segment(eye.x, eye.y, dx, dy, edge.ax, edge.ay, edge.bx, edge.by) < depth[pixel]:
                 row[pixel] = 0
 
 
@@ -297,10 +281,10 @@ def add_reflections(block: ByteArray, addresses: IntArray, number: int) -> None:
     rays = swarm.rays[group.ray : group.ray + pixels]
     walls = WallsInView(scratch[robots : robots + pixels], swarm.depths[2 * pixels : 3 * pixels])
     image = Picture(rays, labels, scratch[robots + pixels : robots + 2 * pixels], swarm.depths[pixels : 2 * pixels])
-    lit = find_lit(swarm)
+    lit = sight.find_lit(swarm)
     for place in range(group.count):
         if swarm.scene[0].hides_flashes:
-            lit = find_visible(block, addresses, swarm, group.first + place)
+            lit = sight.find_visible(block, addresses, swarm, group.first + place)
         if lit > 0:
             first = group.in_view + place * pixels
             picture = Picture(rays, dark, swarm.pixels[first : first + pixels], swarm.depths[:pixels])

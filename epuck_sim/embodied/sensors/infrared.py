@@ -20,9 +20,7 @@ from epuck_sim.scenario.robots import InfraredSection
 from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
-_TABLE_COUNTS = epuck.INFRARED_TABLE_COUNTS
-_TABLE_MM = epuck.INFRARED_TABLE_MM
-_NOTHING_MM = epuck.OUT_OF_RANGE_MM
+_TABLE_COUNTS, _TABLE_MM, _NOTHING_MM = epuck.INFRARED_TABLE_COUNTS, epuck.INFRARED_TABLE_MM, epuck.OUT_OF_RANGE_MM
 _ROUNDING_MM = 1e-6  # added before truncation to whole mm: a wall 40 mm away must not read 39
 
 
@@ -63,9 +61,7 @@ def sense_infrared(block: ByteArray, addresses: IntArray, number: int) -> None: 
             _meet_wall(sensors, scene.width_cm - x, cos, -sin)
             _meet_wall(sensors, y, -sin, -cos)
             _meet_wall(sensors, scene.height_cm - y, sin, cos)
-            if sensors.sees_robots:
-                _meet_robots(swarm, sensors, robot, member, cos, sin)
-            _meet_obstacles(swarm, sensors, robot, cos, sin)
+            _meet_bodies(swarm, sensors, robot, member, cos, sin)
         _read(sensors, robot)
 
 
@@ -84,22 +80,17 @@ def _meet_wall(sensors: Any, away: float, ahead: float, aside: float) -> None:
 
 
 @jit_inline
-def _meet_robots(swarm: Swarm, sensors: Any, robot: Any, number: int, cos: float, sin: float) -> None:
-    x, y = robot.x, robot.y
-    reach = sensors.reach_cm + swarm.scene[0].largest_cm
-    near = cells_around(x, y, swarm.scene[0])
-    for row in range(near.first_row, near.end_row):
+def _meet_bodies(swarm: Swarm, sensors: Any, robot: Any, number: int, cos: float, sin: float) -> None:
+    """Shorten the rays that meet robots, if sensors see them, or obstacles."""
+    x, y, reach = robot.x, robot.y, sensors.reach_cm
+    near, within = cells_around(x, y, swarm.scene[0]), reach + swarm.scene[0].largest_cm
+    for row in range(near.first_row, near.end_row if sensors.sees_robots else 0):
         start, end = members_in_row(near, row, swarm)
         for place in range(start, end):
             member = swarm.members[place]
             dx, dy = member.x - x, member.y - y
-            if member.robot != number and dx * dx + dy * dy <= reach * reach:
+            if member.robot != number and dx * dx + dy * dy <= within * within:
                 _meet_disc(sensors, dx * cos + dy * sin, dy * cos - dx * sin, member.radius_cm)
-
-
-@jit_inline
-def _meet_obstacles(swarm: Swarm, sensors: Any, robot: Any, cos: float, sin: float) -> None:
-    x, y, reach = robot.x, robot.y, sensors.reach_cm
     for place in range(swarm.scene[0].circles):
         circle = swarm.circles[place]
         dx, dy = circle.x - x, circle.y - y
