@@ -80,7 +80,7 @@ def move_bodies(block: ByteArray, addresses: IntArray) -> None:
     straight lines. With no robot in the space, no physics step is taken. The cell list is valid before and after.
     """
     swarm = swarm_at(block)
-    robots = swarm.robots
+    scene, robots = swarm.scene[0], swarm.robots
     fastest_cm_s = find_contact_candidates(block)
     for number in range(len(robots)):
         robot = robots[number]
@@ -93,19 +93,8 @@ def move_bodies(block: ByteArray, addresses: IntArray) -> None:
         if robots[swarm.members[index].robot].may_touch:
             swarm.numbers[inside] = index
             inside += 1
-    if inside > 0:
-        _step_space(block, addresses, inside, fastest_cm_s)
-    move_others(block)
-    sort_into_cells(block)
-
-
-@jit_inline
-def _step_space(block: ByteArray, addresses: IntArray, inside: int, fastest_cm_s: float) -> None:
-    """Take physics steps, and read the new poses of robots and movables; inside: number of robots in the space."""
-    swarm = swarm_at(block)
-    scene, robots = swarm.scene[0], swarm.robots
     candidates = inside
-    for step in range(scene.physics_steps):
+    for step in range(scene.physics_steps if candidates > 0 else 0):
         if scene.touch and step > 0 and inside < len(robots):
             inside = _bring_in(block, addresses, candidates, inside, fastest_cm_s, step)
         call_c(addresses[_STEP], addresses[SPACE], scene.physics_s)
@@ -118,6 +107,8 @@ def _step_space(block: ByteArray, addresses: IntArray, inside: int, fastest_cm_s
         body = addresses[scene.movables + movable]
         circle = swarm.circles[scene.first_movable + movable]
         circle.x, circle.y = vector_from_c(addresses[_GET_POSITION], body)
+    move_others(block)
+    sort_into_cells(block)
 
 
 @jit_inline
@@ -273,7 +264,7 @@ def free_space(addresses: IntArray, bodies: Bodies) -> None:
 
 @cache
 def function_addresses() -> list[int]:
-    """Return the addresses of Chipmunk's functions; raise AttributeError or TypeError if this pymunk's differ."""
+    """Return the addresses of Chipmunk's functions; raise AttributeError or TypeError if they or structs differ."""
     functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
     if ffi.typeof("cpFloat") is not ffi.typeof("double"):
         raise TypeError("its numbers are no doubles")
@@ -281,15 +272,11 @@ def function_addresses() -> list[int]:
         found = ffi.typeof(functions[name])
         if found is not ffi.typeof(kind):
             raise TypeError(f"its function {name} is {found.cname}, not {kind}")
-    return list(map(_value, functions.values()))
-
-
-def _check_structs() -> None:
-    """Raise AttributeError or TypeError if this pymunk's objects have other C structs than expected."""
     body, other = pymunk.Body(1, 1), pymunk.Body(1, 1)
     for thing in (body, pymunk.Circle(body, 1), pymunk.Poly.create_box(body), pymunk.PivotJoint(body, other, (0, 0))):
         if ffi.typeof(_struct(thing)) is not ffi.typeof(f"cp{_KINDS[type(thing)]} *"):
             raise TypeError(f"its {type(thing).__name__} has another C struct")
+    return list(map(_value, functions.values()))
 
 
 # --- by pymunk's public interface -----------------------------------------------------------------------
@@ -329,7 +316,6 @@ def reason_for_public_way() -> str:
         return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
     try:
         function_addresses()
-        _check_structs()
     except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
         return str(error)
     return ""

@@ -260,14 +260,17 @@ def _push(one: Any, other: Any, steps: int, step_s: float, reach_cm: float) -> M
 
 
 @jit_no_alloc
-def move_lone(swarm: Swarm, number: int, steps: int) -> None:
-    """Move a robot and its partner by some physics steps, and set their new velocities."""
-    robot = swarm.robots[number]
-    other, time_s = swarm.robots[robot.partner], steps * swarm.scene[0].physics_s
-    moved = lone_motion(swarm, number, steps, math.inf)
+def _move(swarm: Swarm, number: int, steps: int) -> None:
+    """Move a robot, and its partner, if it has one, by some physics steps, and set their new velocities."""
+    robot, time_s = swarm.robots[number], steps * swarm.scene[0].physics_s
+    robot.heading += robot.spin * time_s
+    if robot.partner == NOBODY:
+        robot.x += robot.vx * time_s
+        robot.y += robot.vy * time_s
+        return
+    other, moved = swarm.robots[robot.partner], lone_motion(swarm, number, steps, math.inf)
     other.x, other.y, other.vx, other.vy = moved.other_x, moved.other_y, moved.other_vx, moved.other_vy
     robot.x, robot.y, robot.vx, robot.vy = moved.x, moved.y, moved.vx, moved.vy
-    robot.heading += robot.spin * time_s
     if robot.partner != number:
         other.heading += other.spin * time_s
 
@@ -305,37 +308,20 @@ def add_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s:
 @jit_inline
 def _add(swarm: Swarm, number: int, past: int, found: int) -> int:
     """Move a robot, and its partner, if it has one, and add them to the list of candidates; return its new length."""
-    robot = swarm.robots[number]
-    if robot.partner == NOBODY:
-        move_straight(robot, past * swarm.scene[0].physics_s)
-    else:
-        move_lone(swarm, number, past)
+    _move(swarm, number, past)
     for index in range(len(swarm.members)):
-        if swarm.members[index].robot in (number, robot.partner):
+        if swarm.members[index].robot in (number, swarm.robots[number].partner):
             swarm.robots[swarm.members[index].robot].may_touch = True
             swarm.numbers[found] = index
             found += 1
     return found
 
 
-@jit_inline
-def move_straight(robot: Any, time_s: float) -> None:
-    """Move a robot with its velocities."""
-    robot.x += robot.vx * time_s
-    robot.y += robot.vy * time_s
-    robot.heading += robot.spin * time_s
-
-
 @jit_no_alloc
 def move_others(block: ByteArray) -> None:
     """Move the robots that Chipmunk does not move, by a control step."""
     swarm = swarm_at(block)
-    scene = swarm.scene[0]
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]
-        if robot.may_touch:
-            continue
-        if robot.partner == NOBODY:
-            move_straight(robot, scene.physics_steps * scene.physics_s)
-        elif robot.partner >= number:
-            move_lone(swarm, number, scene.physics_steps)
+        if not robot.may_touch and (robot.partner == NOBODY or robot.partner >= number):
+            _move(swarm, number, swarm.scene[0].physics_steps)
