@@ -18,7 +18,7 @@ from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
 from epuck_sim.embodied.changes.schedule import blank, rest
 from epuck_sim.embodied.controllers import GroupControllers
-from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contacts, make_scene
+from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.signals import perceive_flashes, receive_pulses
@@ -322,12 +322,12 @@ class Stretch(NamedTuple):
     @property
     def sightings(self) -> IntArray:
         """(sightings, 3) step from 0, robot that looks, and robot whose lit ring it sees, as `Step.sightings`."""
-        return find_all_sightings(self.scene, self.poses, self.present, self.ring_before)
+        return find_sightings(self.scene, self.poses, self.present, self.ring_before)
 
     @property
     def views(self) -> IntArray:
         """(views, 3) step from 0, robot that looks, and robot that is in its view, lit or not."""
-        return find_all_sightings(self.scene, self.poses, self.present, None)
+        return find_sightings(self.scene, self.poses, self.present)
 
     @property
     def contacts(self) -> IntArray:

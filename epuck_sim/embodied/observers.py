@@ -7,6 +7,7 @@ several times in a control step.
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,44 +53,39 @@ def place_robots(block: ByteArray, poses: FloatArray) -> None:
     sort_into_cells(block)
 
 
-def _with_room(write: Callable[[IntArray, FloatArray], int], room: int) -> tuple[IntArray, FloatArray]:
-    """Return the (n, 3) rows and (n, 2) points that a function writes, called twice if they do not fit at first."""
-    found, points = np.empty((room, 3), np.int64), np.empty((room, 2))
-    count = write(found, points)
-    return (found[:count], points[:count]) if count <= room else _with_room(write, count)
+def _with_room(write: Callable[..., int], *arrays: Any) -> Any:
+    """Return arrays up to the rows that a function writes; it writes longer ones if these have too few rows."""
+    count = write(*arrays)
+    if count <= len(arrays[0]):
+        return [array[:count] for array in arrays]
+    return _with_room(write, *(np.empty((count, array.shape[1]), array.dtype) for array in arrays))
 
 
 # --- who sees whom --------------------------------------------------------------------------------------
 
 
-def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: BoolArray | None = None) -> IntArray:
-    """Find the robots that the robots of a group see in some steps.
+def find_sightings(
+    scene: Scene, poses: FloatArray, present: BoolArray | None = None, listed: BoolArray | None = None
+) -> IntArray:
+    """Find the robots that robots see in some steps.
 
     A camera sees a robot if a pixel of the central window shows it; a robot that shows on both sides of an obstacle
     counts once. The ideal sensor and Enki's camera see robots whose rings they would perceive; a radio sees none.
 
-    Poses are (steps, robots, 3) cm, cm, rad; `listed`, (steps, robots), flags the robots that can be seen, by default
-    all. Return (sightings, 3) step, observer, robot seen: ordered by step, by observer, and from left to right, or, for
-    the ideal sensor and Enki's camera, by the number of the robot seen.
+    Poses are (steps, robots, 3) cm, cm, rad; `present`, (robots,), flags the robots that look, and `listed`, (steps,
+    robots), those that can be seen, by default all. Return (sightings, 3) step, observer, robot seen: ordered by step,
+    by observer, and from left to right, or, for the ideal sensor and Enki's camera, by the number of the robot seen.
     """
-    kind = scene.groups[group].signal.kind
-    if kind == "radio":
-        return np.empty((0, 3), np.int64)
-    listed = np.ones(poses.shape[:2], np.bool_) if listed is None else listed
-    room = 2 * len(poses) * scene.groups[group].count  # most robots see no more than two
-    by_cone = kind != "camera"
-    return _with_room(lambda found, _: write_sightings(scene.block, group, by_cone, poses, listed, found), room)[0]
-
-
-def find_all_sightings(
-    scene: Scene, poses: FloatArray, present: BoolArray, listed: BoolArray | None = None
-) -> IntArray:
-    """Find sightings by the robots of all groups that are present, (robots,), step by step; see `find_sightings`."""
-    groups = range(len(scene.groups))
-    found: IntArray = np.concatenate([find_sightings(scene, poses, group, listed=listed) for group in groups])
-    if len(groups) > 1:
+    parts, listed = [np.empty((0, 3), np.int64)], np.ones(poses.shape[:2], np.bool_) if listed is None else listed
+    for number, group in enumerate(scene.groups):
+        if group.signal.kind != "radio":
+            write = partial(write_sightings, scene.block, number, group.signal.kind != "camera", poses, listed)
+            room = 2 * len(poses) * group.count  # most robots see no more than two
+            parts += _with_room(write, np.empty((room, 3), np.int64))
+    found: IntArray = np.concatenate(parts)
+    if len(scene.groups) > 1:
         found = found[np.argsort(found[:, 0], kind="stable")]
-    return found if present.all() else found[present[found[:, 1]]]
+    return found if present is None or present.all() else found[present[found[:, 1]]]
 
 
 @jit
@@ -144,7 +140,10 @@ def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray
     of steps; and (contacts, 2) cm, points of contact: between the two robots' surfaces, or nearest on the other body.
     """
     room = len(poses) * poses.shape[1]
-    return _with_room(lambda found, points: write_contacts(scene.block, poses, found, points), room)
+    found, points = _with_room(
+        partial(write_contacts, scene.block, poses), np.empty((room, 3), np.int64), np.empty((room, 2))
+    )
+    return found, points
 
 
 @jit

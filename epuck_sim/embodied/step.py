@@ -14,7 +14,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.display.arena_svg import DARK, LIT
 from epuck_sim.display.html import element, table, to_html
-from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contacts
+from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings
 from epuck_sim.embodied.swarm import Swarm, offset_of, poses_of
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -95,7 +95,7 @@ class Step(NamedTuple):
         if "sightings" not in self.found:
             robots = self.scene.swarm.robots
             listed = robots.ring_before[None].copy()
-            sightings = find_all_sightings(self.scene, poses_of(robots)[None].copy(), robots.present, listed)
+            sightings = find_sightings(self.scene, poses_of(robots)[None].copy(), robots.present, listed)
             self.found["sightings"] = sightings[:, 1:].copy()
         return self.found["sightings"]
 

@@ -388,14 +388,14 @@ class RobotLayers:
         poses, time_ns, seen_parts, touched_parts, points = batch.poses, batch.time_ns, [], [], []
         for first_step, some, arena in _moments(batch):
             scene, first = self._scene(arena), np.array([first_step, 0, 0])
-            seen_parts += [first + find_sightings(scene, some, group) for group in range(len(self._scenario.robots))]
+            seen_parts.append(first + find_sightings(scene, some))
             contacts, places = find_contacts(scene, some)
             touched_parts.append(first + contacts)
             points.append(places)
         found = np.concatenate(seen_parts)
         for whom in (1, 2):  # robots parked outside see nobody, and are not seen
             found = found[~np.isnan(poses[found[:, 0], found[:, whom], 0])]
-        steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
+        steps, observers, seen = found.T
         forward_cm = self._forward_cm[observers, None]
         origins = poses[steps, observers, :2] + forward_cm * unit_vectors(poses[steps, observers, 2])
         lit = batch.ring_before[steps, seen].astype(np.uint16)

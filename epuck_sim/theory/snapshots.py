@@ -98,9 +98,8 @@ def _links_of_robots(scenario: EmbodiedScenario, poses: FloatArray) -> BoolArray
     scene = make_scene(groups, scenario.group_kinds, scenario.arena.build())
     present = np.array(scenario.present)
     links = np.zeros((len(poses), len(present), len(present)), np.bool_)
-    for number in range(len(groups)):
-        snapshot, receiver, sender = find_sightings(scene, poses, number).T
-        links[snapshot, sender, receiver] = True
+    snapshot, receiver, sender = find_sightings(scene, poses).T
+    links[snapshot, sender, receiver] = True
     return links[:, present][:, :, present]
 
 

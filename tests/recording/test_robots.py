@@ -173,8 +173,7 @@ def test_links_are_those_of_the_cameras_and_bodies(trial) -> None:
     assert trial.read.links.contact_points.shape == (len(trial.read.contacts), 2)
     assert sorted(sightings[sightings[:, 3] == 1, :3].tolist()) == watched.pairs("sightings")
     scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
-    in_view = [find_sightings(scene, watched["poses"], group) for group in range(len(scenario.robots))]
-    assert sorted(sightings[:, :3].tolist()) == sorted(np.concatenate(in_view).tolist())
+    assert sorted(sightings[:, :3].tolist()) == sorted(find_sightings(scene, watched["poses"]).tolist())
     with pytest.raises(RecordingError, match="embodied has no pulses; only model: particles has them"):
         _ = trial.read.pulses
 
