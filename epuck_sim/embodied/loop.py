@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from epuck_sim.control.interface import EXTERNAL, Controller
 from epuck_sim.embodied.bodies.chipmunk import move_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
@@ -91,7 +90,6 @@ def apply_commands(swarm: Swarm) -> int:
             return number
         robot.left_cm_s = min(max(left, -limit), limit)
         robot.right_cm_s = min(max(right, -limit), limit)
-        robot.turn_rad = turn
         robot.ring_command = robot.actuators.ring_on != 0
         robot.ring_on = robot.ring_command
         # noise from 0 to 1 multiplies a wheel's speed by 1 - slip to 1 + slip (Enki); turns come first
@@ -245,8 +243,7 @@ class ControlLoop:
     def __init__(
         self,
         scenario: EmbodiedScenario,
-        block: ByteArray,
-        swarm: Swarm,
+        scene: Scene,
         world: World,
         sensors: Sequence[OwnSensor],
         groups: Sequence[GroupControllers],
@@ -254,7 +251,7 @@ class ControlLoop:
         interpret: bool,
     ) -> None:
         """Compile the kernels that a control step calls, and write the numbers of all its calls to the block."""
-        self._block = block
+        block, swarm = scene.block, scene.swarm
         early, late = plan_calls(scenario, sensors, groups)
         every = [*early, *late]
         addresses = world.addresses()
@@ -274,11 +271,7 @@ class ControlLoop:
         world.use(block, swarm, self.addresses)
         self.is_compiled = not (interpret or world.is_public)
         self.take_steps: Any = take_steps if self.is_compiled else _in_python(swarm, world, every)
-        self.take(0)  # compiles now, so that no trial's time includes it
-
-    def take(self, steps: int, *, until_firing: bool = False) -> int:
-        """Call `take_steps`."""
-        return int(self.take_steps(self._block, self.addresses, steps, until_firing))
+        self.take_steps(block, self.addresses, 0, False)  # compiles now, so that no trial's time includes it
 
 
 def _in_python(swarm: Swarm, world: World, calls: Sequence[tuple[Any, int]]) -> Any:
@@ -369,45 +362,39 @@ def record_steps(
 
 
 class History:
-    """Takes steps of a simulation's control loop, and records them for measures."""
+    """Takes steps of a simulation's control loop in one arena, and records them for measures."""
 
-    def __init__(self, scenario: EmbodiedScenario, block: ByteArray, swarm: Swarm, loop: ControlLoop) -> None:
+    def __init__(self, scenario: EmbodiedScenario, scene: Scene, loop: ControlLoop, arena: Arena) -> None:
         """Make arrays for `MOST_STEPS` steps, and compile `record_steps`, unless the loop is plain Python."""
-        self._scenario, self._block, self._loop = scenario, block, loop
+        self._loop, self._arena, self._block, swarm = loop, arena, scene.block, scene.swarm
         self._present: BoolArray = swarm.robots.present
-        robots = len(swarm.robots)
+        robots, places = len(swarm.robots), []
         self._arrays: tuple[Any, ...] = (
             *(np.zeros((MOST_STEPS, robots, columns)) for columns in (3, 2)),
             *(np.zeros((MOST_STEPS, robots), np.bool_) for _ in range(3)),
         )
-        self._places = np.concatenate([flash_places(swarm, group, loop.functions) for group in swarm.groups])
+        for group in swarm.groups:  # `flash_seen` in its memories, or else its pixels
+            field = loop.functions[group.controller].controller.memory.fields.get("flash_seen")
+            row = swarm.scene[0].at[PIXELS] + 8 * group.row, 8 * group.pixels, 8 * group.pixels
+            first, apart, length = (group.memory + field[1], group.memory_bytes, 8) if field else row
+            places.append((first + apart * np.arange(group.count))[:, None] + [0, length])
+        self._places = np.concatenate(places)
         record: Any = record_steps
         in_python = {"take_steps": loop.take_steps, "swarm_at": lambda _: swarm}
         self._record = record if loop.is_compiled else bind(record.function, **in_python)
-        self._scene: tuple[Arena, Scene] | None = None
+        self._scene = make_scene(scenario.robots, scenario.group_kinds, arena)
         self.take(0)  # compiles now, so that no trial's time includes it
 
     def take(self, steps: int) -> int:
         """Take up to this number of steps, as `record_steps` does."""
         return int(self._record(self._block, self._loop.addresses, steps, *self._arrays, self._places))
 
-    def stretch(self, first: int, steps: int, arena: Arena) -> Stretch:
-        """Return the steps just taken: this number of them, from step `first` on, in this arena."""
-        if self._scene is None or self._scene[0] is not arena:
-            self._scene = arena, make_scene(self._scenario.robots, self._scenario.group_kinds, arena)
-        scene = self._scene[1]
-        if arena.first_movable < len(arena.circles):
-            circles = scene.swarm.circles
+    def stretch(self, first: int, steps: int) -> Stretch:
+        """Return the steps just taken: this number of them, from step `first` on."""
+        circles, arena = self._scene.swarm.circles, self._arena
+        if arena.first_movable < len(circles):
             circles["x"], circles["y"], circles["radius"] = arena.circles.T
-        return Stretch._make((first, *(each[:steps] for each in self._arrays), self._present, scene))
-
-
-def flash_places(swarm: Swarm, group: Any, functions: Mapping[int, Any]) -> IntArray:
-    """Return (robots, 2) first and end, in the block, of `flash_seen` in a group's memories, or else of its pixels."""
-    field = functions[group.controller].controller.memory.fields.get("flash_seen")
-    row = swarm.scene[0].at[PIXELS] + 8 * group.row, 8 * group.pixels, 8 * group.pixels
-    first, apart, length = (group.memory + field[1], group.memory_bytes, 8) if field else row
-    return np.asarray((first + apart * np.arange(group.count))[:, None] + [0, length])
+        return Stretch._make((first, *(each[:steps] for each in self._arrays), self._present, self._scene))
 
 
 # --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------
@@ -416,49 +403,24 @@ PARTS = {"left_cm_s": "wheels", "right_cm_s": "wheels", "ring_on": "ring"}
 """The part of `EXTERNAL` that a controller leaves to each command, by the command's name."""
 
 
-class Commands:
-    """Commands from outside to the robots of one simulation; actuators hold each until the next."""
-
-    robots: dict[str, IntArray]  # (n,) numbers of the robots that are commanded, by part of `EXTERNAL`
-
-    def __init__(self, controllers: Sequence[Controller], block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
-        """Find the robots that are commanded from outside, in groups with these controllers."""
-        self.memory = block, addresses  # of the swarm, and of the functions that it calls
-        external = {part: [part in each.external for each in controllers] for part in EXTERNAL}
-        self.robots = {part: np.flatnonzero(np.repeat(each, swarm.groups["count"])) for part, each in external.items()}
-        self._actuators = swarm.robots.actuators
-
-    def carry_out(self, commands: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Carry out commands, by their names in `PARTS`, from the last control step on.
-
-        Raises:
-            ValueError: A command is not allowed, or none is given; then nothing is carried out.
-        """
-        if not commands:
-            raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
-        for name, values in commands.items():
-            self._check(name, values)
-        for name, values in commands.items():
-            self._actuators[name][self.robots[PARTS[name]]] = values
-        act_again(*self.memory)
-
-    def _check(self, name: str, values: npt.NDArray[Any]) -> None:
-        part, robots = PARTS[name], self.robots[PARTS[name]]
-        if not len(robots):
-            raise ValueError(
-                f"{name} is given, but no robot has its {part} commanded from outside; give a group `controller: "
-                f"external`, external_{part} or a file with EXTERNAL = ({part!r},)"
-            )
-        if values.shape not in ((), robots.shape):
-            raise ValueError(
-                f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot whose {part} "
-                "is commanded from outside, or a single one for all"
-            )
-        allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
-        if part == "ring":
-            allowed, fits = "true and false, or 1 and 0", np.isin(values, (0, 1))
-        elif values.dtype.kind in "iuf":
-            fits = ~np.isnan(values)
-        if not fits.all():
-            robot = robots[np.broadcast_to(fits, robots.shape).argmin()]
-            raise ValueError(f"{name} is {values[~fits][0]} for robot {robot}; allowed: {allowed}")
+def check_command(name: str, values: npt.NDArray[Any], robots: IntArray) -> None:
+    """Raise ValueError if a command, by its name in `PARTS`, to these robots is not allowed."""
+    part = PARTS[name]
+    if not len(robots):
+        raise ValueError(
+            f"{name} is given, but no robot has its {part} commanded from outside; give a group `controller: "
+            f"external`, external_{part} or a file with EXTERNAL = ({part!r},)"
+        )
+    if values.shape not in ((), robots.shape):
+        raise ValueError(
+            f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot whose {part} "
+            "is commanded from outside, or a single one for all"
+        )
+    allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
+    if part == "ring":
+        allowed, fits = "true and false, or 1 and 0", np.isin(values, (0, 1))
+    elif values.dtype.kind in "iuf":
+        fits = ~np.isnan(values)
+    if not fits.all():
+        robot = robots[np.broadcast_to(fits, robots.shape).argmin()]
+        raise ValueError(f"{name} is {values[~fits][0]} for robot {robot}; allowed: {allowed}")

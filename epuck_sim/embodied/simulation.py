@@ -8,6 +8,7 @@ import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from epuck_sim.control.interface import Controller
+from epuck_sim.control.interface import EXTERNAL, Controller
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, to_html
@@ -25,11 +26,11 @@ from epuck_sim.embodied.changes.faults import LOGGED_STEPS, begin_faults, take_e
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
-from epuck_sim.embodied.loop import FIRED, MOST_STEPS, Commands, ControlLoop, History, Stretch
+from epuck_sim.embodied.loop import FIRED, MOST_STEPS, PARTS, ControlLoop, History, Stretch, act_again, check_command
 from epuck_sim.embodied.observers import Scene
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.start import SCHEDULE, draw_places, draw_start, put_at_given_poses, vary
-from epuck_sim.embodied.step import ShownArrays, Step
+from epuck_sim.embodied.step import Step, shown_steps
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import OwnSensor, RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
@@ -88,8 +89,6 @@ class Simulation:
     """Entries of the schedule that were carried out, and faults that began and ended, in the order of their steps."""
     is_firing: bool
     """Whether the reference, an oscillator, fires in the last step (thesis 4.2.1)."""
-    commands: Commands
-    """Carries out commands from outside; snapshots include only those given by `Simulation.command`."""
 
     def __init__(
         self,
@@ -152,10 +151,13 @@ class Simulation:
                 self._sensors.append(sensed)
         self._first_parameters = parameters
         self._loop = ControlLoop(
-            *(scenario, block, swarm, self._world, self._sensors, self._groups), interpret=self._interpret
+            scenario, self._scene, self._world, self._sensors, self._groups, interpret=self._interpret
         )
-        self.commands = Commands(controllers, block, swarm, self._loop.addresses)
-        self._history: History | None = None
+        self.memory = block, self._loop.addresses  # the swarm, and where the functions are that it calls
+        external = {part: [part in each.external for each in controllers] for part in EXTERNAL}
+        self._external = {
+            part: np.flatnonzero(np.repeat(flags, swarm.groups["count"])) for part, flags in external.items()
+        }
         swarm.robots["starts"] = self._starts[0] = True
         self._template = block[: swarm.scene[0].at[PIXELS]].copy()
         self._starts[0] = False
@@ -164,9 +166,10 @@ class Simulation:
     def _show(self, arena: Arena) -> None:
         """Prepare the arrays that steps show while the swarm is in this arena."""
         self._arena = arena
+        self._history: History | None = None
         memories = [group.memory for group in self._groups]
         sensed = [(sensor.robots, sensor.readings) for sensor in self._sensors]
-        self._shown = ShownArrays(self.scenario, self._scene, arena, memories, sensed)
+        self._shown = shown_steps(self.scenario, self._scene, arena, memories, sensed)
 
     def reset(self, seed: int | None = None) -> None:
         """Restart with the same outcome as a new simulation with this seed, but many times as fast.
@@ -230,12 +233,12 @@ class Simulation:
     @property
     def external_wheels(self) -> IntArray:
         """(n,) numbers of the robots whose wheels are commanded from outside; see `command`."""
-        return self.commands.robots["wheels"]
+        return self._external["wheels"]
 
     @property
     def external_rings(self) -> IntArray:
         """(m,) numbers of the robots whose rings are commanded from outside."""
-        return self.commands.robots["ring"]
+        return self._external["ring"]
 
     @property
     def steps(self) -> int:
@@ -246,7 +249,7 @@ class Simulation:
     def last_step(self) -> Step:
         """The last step; before the first one, a step numbered -1 with the robots' initial poses and phases."""
         number = int(self._step.item())
-        return self._shown.step(number, number * self._step_ms / 1000)
+        return self._shown(number, number * self._step_ms / 1000)
 
     def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
         """Return the block before anything is drawn, and the functions that control steps call, by index: for pages."""
@@ -273,11 +276,9 @@ class Simulation:
     # --- steps ----------------------------------------------------------------------------------------
 
     def __iter__(self) -> Self:
-        """Return the simulation itself: a further loop continues where the last one stopped."""
         return self
 
     def __next__(self) -> Step:
-        """Take one control step and return it, as `advance` does."""
         return self.advance(1)
 
     def advance(self, steps: int, *, until_firing: bool = False) -> Step:
@@ -303,18 +304,17 @@ class Simulation:
                 return self.last_step
 
     def stretch(self, steps: int) -> Stretch:
-        """Take control steps in one arena up to the reference's next firing, and return their data for measures.
-
-        Args:
-            steps: Largest number of steps to take, at least 1; they may be fewer.
+        """Take up to `steps` steps in one arena, at most to the reference's next firing; return data for measures.
 
         Raises what `advance` does.
         """
-        steps = whole("steps", steps)
-        self._history = self._history or History(self.scenario, self._block, self._swarm, self._loop)
-        first, has_movables = self.steps, self._arena.first_movable < len(self._arena.circles)
-        self._run(min(self._unchanged(first), steps, 1 if has_movables else MOST_STEPS), history=self._history)
-        return self._history.stretch(first, self.steps - first, self.last_step.arena)
+        first, steps = self.steps, min(whole("steps", steps), MOST_STEPS)
+        steps = min(self._unchanged(first), steps)  # in an arena that may be new
+        if self._history is None:
+            self._history = History(self.scenario, self._scene, self._loop, self.last_step.arena)
+        has_movables = self._arena.first_movable < len(self._arena.circles)
+        self._run(1 if has_movables else steps, history=self._history)
+        return self._history.stretch(first, self.steps - first)
 
     def _unchanged(self, taken: int) -> int:
         """Carry out the entries of the schedule that are due; return how many steps may follow at once."""
@@ -325,7 +325,10 @@ class Simulation:
     def _run(self, steps: int, *, until_firing: bool = True, history: History | None = None) -> None:
         """Take control steps; the error of a controller that fails names the robot."""
         try:
-            outcome = self._loop.take(steps, until_firing=until_firing) if history is None else history.take(steps)
+            if history is None:
+                outcome = self._loop.take_steps(*self.memory, steps, until_firing)
+            else:
+                outcome = history.take(steps)
         except BaseException as error:  # whatever a user's controller may raise
             raise self.located(error) from error
         self.conclude(outcome)
@@ -377,15 +380,19 @@ class Simulation:
         """
         given = {"left_cm_s": left_cm_s, "right_cm_s": right_cm_s, "ring_on": ring_on}
         commands = {name: np.array(values) for name, values in given.items() if values is not None}
-        self.commands.carry_out(commands)
+        if not commands:
+            raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
+        for name, values in commands.items():
+            check_command(name, values, self._external[PARTS[name]])
+        for name, values in commands.items():
+            self._swarm.robots.actuators[name][self._external[PARTS[name]]] = values
+        act_again(*self.memory)
         self._note("command", **commands)
 
     def set_parameters(self, group: int = 0, /, **values: Value) -> None:
-        """Change parameters of a group's controllers from the next step on; its robots keep their memories.
+        """Change parameters of the controllers of a group, by its number, from the next step on.
 
-        Args:
-            group: Number of the group in the scenario.
-            values: Parameters by name; those that are left out stay as they are.
+        Its robots keep their memories, and parameters that are left out stay as they are.
 
         Raises:
             ScenarioError: The controller does not take these parameters.
@@ -414,12 +421,9 @@ class Simulation:
         changed.parameters[:] = changed.sensor.parameter_record(resolved)
 
     def carry_out_scheduled(self, entry: int) -> None:
-        """Carry out an entry of the scenario's schedule now: its changes act from the next step on.
+        """Carry out an entry of the scenario's schedule, by its number, now: its changes act from the next step on.
 
         Entries with a time are carried out by the simulation itself, others by `run_trial`.
-
-        Args:
-            entry: Number of the entry.
         """
         self._carry_out(entry)
         self._note("carry_out_scheduled", entry)
@@ -452,14 +456,10 @@ class Simulation:
         self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{number}", entry.what))
 
     def replace_controller(self, group: int, controller: Controller) -> Replaced:
-        """Switch the robots of a group to another controller from the next step on.
+        """Switch the robots of a group, by its number, to another controller from the next step on.
 
         See `embodied.changes.replacement` for the memory and parameters that they keep. From then on, scenario and seed
         alone no longer determine the simulation: it has neither snapshots nor copies.
-
-        Args:
-            group: Number of the group in the scenario.
-            controller: See `control.loader.load_controller`.
 
         Returns:
             The fields of memory that robots keep, and those that begin anew.
@@ -534,17 +534,12 @@ class Simulation:
             self.advance(steps - self.steps)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how `copy` and `pickle` make a copy: from a snapshot."""
-        return _from_snapshot, (type(self), self.snapshot(), self._interpret)
+        return partial(type(self), interpret=self._interpret), (self.scenario, self.seed), self.snapshot()
+
+    __setstate__ = restore
 
     def _repr_html_(self) -> str:
         step, radii_cm = self.last_step, [kind.radius_cm for kind in self.scenario.robot_kinds]
         when = f"step {step.number}, {step.time_s:.1f} s" if step.number >= 0 else "before its first step"
         drawn = draw_arena(step.arena, step.poses, radii_cm, step.ring_on)
         return to_html(element("p", element("b", self.scenario.name), f", seed {self.seed}: {when}"), drawn)
-
-
-def _from_snapshot(kind: type[Simulation], snapshot: Snapshot, interpret: bool) -> Simulation:
-    simulation = kind(snapshot.scenario, snapshot.seed, interpret=interpret)
-    simulation.restore(snapshot)
-    return simulation

@@ -1,6 +1,6 @@
 """One control step of a simulation, as observers see it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
@@ -15,7 +15,7 @@ from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.display.arena_svg import DARK, LIT
 from epuck_sim.display.html import element, table, to_html
 from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings
-from epuck_sim.embodied.swarm import Swarm, offset_of, poses_of
+from epuck_sim.embodied.swarm import offset_of, poses_of
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import members
@@ -112,80 +112,73 @@ class Step(NamedTuple):
         return self.found["contacts"]
 
     def __repr__(self) -> str:
-        """Return one line; the attributes have the arrays."""
         return f"Step(number={self.number}, time_s={self.time_s:g}, robots={len(self.poses)})"
 
     def _repr_html_(self) -> str:
         head = element("p", element("b", f"Step {self.number}"), f", {self.time_s:.1f} s")
         readings = self.readings
-        robots = range(min(len(self.poses), MOST_ROBOTS))
-        rows = (
-            [
-                str(robot),
-                *(f"{value:.1f}" for value in self.poses[robot, :2]),
-                f"{self.poses[robot, 2]:.2f}",
-                _nearest(self.distance_mm[robot]),
-                _draw_camera(self.camera[robot]),
-                ", ".join(f"{value:.1f}" for value in self.wheels_cm_s[robot]),
-                "lit" if self.ring_on[robot] else "dark",
-                *(_in_words(values[robot]) for values in readings.values()),
-            ]
-            for robot in robots
-        )
-        rest = len(self.poses) - len(robots)
+        rows = []
+        for robot, (x, y, heading) in enumerate(self.poses[:MOST_ROBOTS].tolist()):
+            nearest_mm, wheels = self.distance_mm[robot].min(), self.wheels_cm_s[robot]
+            rows.append(
+                [
+                    *(str(robot), f"{x:.1f}", f"{y:.1f}", f"{heading:.2f}"),
+                    "-" if nearest_mm >= epuck.OUT_OF_RANGE_MM else str(nearest_mm),
+                    _draw_camera(self.camera[robot]),
+                    ", ".join(f"{value:.1f}" for value in wheels),
+                    "lit" if self.ring_on[robot] else "dark",
+                    *(_in_words(values[robot]) for values in readings.values()),
+                ]
+            )
+        rest = len(self.poses) - len(rows)
         more = [element("p", f"and {rest} robots more")] * bool(rest)
         return to_html(head, table((*HEADINGS, *readings), rows), *more)
 
 
-class ShownArrays:
-    """The arrays that the steps of a simulation show: read-only views of its block."""
+def shown_steps(
+    scenario: EmbodiedScenario,
+    scene: Scene,
+    arena: Arena,
+    memories: Sequence[npt.NDArray[Any]],
+    sensed: Sequence[tuple[slice, npt.NDArray[Any]]],
+) -> Callable[[int, float], Step]:
+    """Return the function that shows the present step of a swarm in an arena, given its number and time.
 
-    def __init__(
-        self,
-        scenario: EmbodiedScenario,
-        scene: Scene,
-        arena: Arena,
-        memories: Sequence[npt.NDArray[Any]],
-        sensed: Sequence[tuple[slice, npt.NDArray[Any]]],
-    ) -> None:
-        """Make the views for a swarm in an arena; memories, sensed: see `Step`."""
-        self._scene, swarm, robots = scene, scene.swarm, scene.swarm.robots
-        self._poses = poses_of(robots)
-        poses = self._copied_poses = self._poses.copy() if scenario.members_change else None
-        camera, self._rows = _rows_of_cameras(swarm, scenario)
-        circles = swarm.circles[: swarm.scene[0].circles].view(np.ndarray).view(np.float64).reshape(-1, 3)
-        wheels = np.ndarray((len(robots), 2), np.float64, robots, offset_of("left_cm_s"), (robots.strides[0], 8))
-        sensors, movables = robots.sensors, circles[swarm.scene[0].first_movable :, :2]
-        commanded = (wheels, robots.ring_on, robots.ring_command)
-        shown = (self._poses if poses is None else poses, sensors.infrared, sensors.distance_mm, camera, *commanded)
-        self._arrays: tuple[Any, ...] = (
-            *map(_read_only, (*shown, movables, robots.present)),
-            replace(arena, circles=circles),
-            tuple(map(_read_only, memories)),
-            tuple((robots, _read_only(records)) for robots, records in sensed),
-            scene,
-        )
-
-    def step(self, number: int, time_s: float) -> Step:
-        """Return the present step."""
-        for shown, row in self._rows:
-            shown[:] = row
-        if self._copied_poses is not None:
-            self._copied_poses[:] = np.where(self._scene.swarm.robots.present[:, None], self._poses, np.nan)
-        return Step._make((number, time_s, *self._arrays, {}))
-
-
-def _rows_of_cameras(swarm: Swarm, scenario: EmbodiedScenario) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
-    """Return (robots, pixels) the rows that steps show, and for those that are padded copies, copy and source."""
-    robots, widest = len(swarm.robots), scenario.camera_pixels
+    Arrays of steps are read-only views of the scene's block. For memories and what is sensed, see `Step`.
+    """
+    swarm, robots, widest = scene.swarm, scene.swarm.robots, scenario.camera_pixels
+    sources: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []  # copies, and from where each step takes them
+    poses = poses_of(robots)
+    if scenario.members_change:
+        sources.append((poses.copy(), poses))
+        poses = sources[0][0]
     if all(group.pixels == widest for group in scenario.robots):
-        return swarm.pixels[: robots * widest].reshape(robots, widest), []
-    shown = np.zeros((robots, widest), np.int64)
-    copies = []
-    for group in swarm.groups:
-        rows = swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, group.pixels)
-        copies.append((shown[group.first :][: group.count, : group.pixels], rows))
-    return shown, copies
+        camera = swarm.pixels[: len(robots) * widest].reshape(len(robots), widest)
+    else:
+        camera = np.zeros((len(robots), widest), np.int64)
+        for group in swarm.groups:
+            rows = swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, group.pixels)
+            sources.append((camera[group.first :][: group.count, : group.pixels], rows))
+    circles = swarm.circles[: swarm.scene[0].circles].view(np.ndarray).view(np.float64).reshape(-1, 3)
+    wheels = np.ndarray((len(robots), 2), np.float64, robots, offset_of("left_cm_s"), (robots.strides[0], 8))
+    sensors, movables = robots.sensors, circles[swarm.scene[0].first_movable :, :2]
+    sensed_arrays = (poses, sensors.infrared, sensors.distance_mm, camera)
+    shown: tuple[Any, ...] = (
+        *map(_read_only, (*sensed_arrays, wheels, robots.ring_on, robots.ring_command, movables, robots.present)),
+        replace(arena, circles=circles),
+        tuple(map(_read_only, memories)),
+        tuple((robots, _read_only(records)) for robots, records in sensed),
+        scene,
+    )
+
+    def show(number: int, time_s: float) -> Step:
+        for copy, source in sources:
+            copy[:] = source
+        if scenario.members_change:
+            poses[~robots.present] = np.nan
+        return Step._make((number, time_s, *shown, {}))
+
+    return show
 
 
 def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -262,11 +255,6 @@ HEADINGS = ("robot", "x [cm]", "y [cm]", "heading [rad]", "nearest [mm]", "camer
 
 def _in_words(reading: FloatArray) -> str:
     return ", ".join("-" if np.isnan(value) else f"{value:.3g}" for value in reading.ravel().tolist())
-
-
-def _nearest(distance_mm: IntArray) -> str:
-    nearest = int(distance_mm.min())
-    return "-" if nearest >= epuck.OUT_OF_RANGE_MM else str(nearest)
 
 
 def _draw_camera(row: IntArray) -> Element:

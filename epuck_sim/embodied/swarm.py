@@ -50,7 +50,6 @@ ROBOT = record_type(
         ("mass_g", "f8"),
         ("left_cm_s", "f8"),  # wheels as commanded, within their limit
         ("right_cm_s", "f8"),
-        ("turn_rad", "f8"),  # turn on the spot, as commanded
         ("ring_command", "?"),  # whether the ring is commanded to be lit
         ("ring_on", "?"),  # whether it is lit: the same, unless it has a fault
         ("ring_before", "?"),  # whether it was lit a control step before, as others see it

@@ -58,11 +58,7 @@ class AgentSpaces:
     """The observations and actions of the robots of a scenario that are driven from outside: all alike."""
 
     def __init__(self, simulation: Simulation, *, discrete: bool) -> None:
-        """Find the agents of a simulation, and their actions: the number of a motion each if `discrete`, else speeds.
-
-        Raises:
-            ScenarioError: Robots that are driven from outside differ in what is driven, wheels or rings.
-        """
+        """Find the agents of a simulation, and their actions: numbers of motions if `discrete`, else speeds."""
         wheels, rings = simulation.external_wheels, simulation.external_rings
         name = simulation.scenario.name
         self.robots = np.union1d(wheels, rings)  # (agents,) numbers of the robots that are driven from outside
@@ -125,11 +121,7 @@ class AgentSpaces:
         return seen
 
     def command(self, actions: npt.ArrayLike, actuators: npt.NDArray[np.void]) -> None:
-        """Set (swarms, robots) actuators as commanded by actions, (swarms, agents) or (swarms, agents, numbers).
-
-        Raises:
-            ValueError: An action is not of the action space; then nothing is commanded.
-        """
+        """Set (swarms, robots) actuators as commanded by actions, (swarms, agents) or (swarms, agents, numbers)."""
         given = np.asarray(actions)
         shape = self.action.shape or ()
         if given.shape[2:] != shape:
@@ -236,7 +228,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         swarm, scenario = step.scene.swarm, self.simulations[0].scenario
         needs_python = scenario.schedule or scenario.faults or swarm.scene[0].moved_publicly
         self._steps_together = 0 if needs_python else self.control_steps
-        self._memories = [simulation.commands.memory for simulation in self.simulations]
+        self._memories = [simulation.memory for simulation in self.simulations]
         places = np.array([[each.ctypes.data for each in memory] for memory in self._memories])
         self._copies = np.array([block[: swarm.scene[0].at[PIXELS + 1]] for block, _ in self._memories])
         self._places, shown = places - places[0], (swarm.scene["step"], swarm.robots["actuators"], tuple(step))
@@ -250,7 +242,6 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         return {**vars(self), "_pool": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take the state of a copy, whose swarms are elsewhere in memory."""
         vars(self).update(state)
         self._arrange()
 
@@ -260,13 +251,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,  # noqa: ARG002 Gymnasium's signature
     ) -> tuple[Float32Array, dict[str, Any]]:
-        """Begin an episode of each swarm.
-
-        Args:
-            seed: Seed of the first swarm, `seed + 1` of the second, and so on; or one for each swarm; or None, for the
-                next episode of each swarm's last seed.
-            options: Ignored.
-        """
+        """Begin an episode of each swarm: with its own seed, `seed` + its number, or the next of its last seed."""
         for swarm, each in enumerate(_seeds_from(seed, self.swarms)):
             if each is not None:
                 self._masters[swarm], self._episodes[swarm] = each, -1
@@ -287,18 +272,10 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
     def step(self, actions: npt.ArrayLike) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Have all robots act; those of swarms whose episodes are over begin a new one instead.
 
-        Args:
-            actions: (swarms * agents, ...) an action for each agent.
-
-        Returns:
-            (swarms * agents, ...) observations, rewards, whether terminated, whether truncated; and infos, arrays
-            of one for each agent.
-
-        Raises:
-            ValueError: `reset` was not called, a controller was replaced, or actions are not of the action space.
+        Actions, and what is returned, have (swarms * agents, ...) entries, one for each agent.
         """
         self._check_begun()
-        if any(each.commands.memory is not known for each, known in zip(self.simulations, self._memories, strict=True)):
+        if any(each.memory is not known for each, known in zip(self.simulations, self._memories, strict=True)):
             raise ValueError("a robot's controller was replaced after the environment was made; make a new one")
         given = np.asarray(actions)
         if given.shape[:1] != (self.num_envs,):
