@@ -8,23 +8,17 @@ from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 
-def _count_cells(width_cm: float, height_cm: float, robots: int, least_cm: float) -> tuple[int, int]:
+def count_cells(width_cm: float, height_cm: float, robots: int, least_cm: float) -> tuple[int, int]:
     """Return the numbers of columns and rows: about one cell per robot, but no cell smaller than a least side."""
     side = max(least_cm, math.sqrt(width_cm * height_cm / robots))
     return max(1, int(width_cm / side)), max(1, int(height_cm / side))
-
-
-def cells_needed(width_cm: float, height_cm: float, robots: int, least_cm: float) -> int:
-    """Return the number of cells in an arena of this size, cm; `Swarm.cells` has one entry more."""
-    columns, rows = _count_cells(width_cm, height_cm, robots, least_cm)
-    return columns * rows
 
 
 def set_cells(swarm: Swarm, width_cm: float, height_cm: float, least_cm: float) -> None:
     """Set the size of the arena, cm, and with it the grid, whose cells are no narrower than `least_cm`."""
     scene = swarm.scene[0]
     scene.width_cm, scene.height_cm = width_cm, height_cm
-    scene.columns, scene.rows = _count_cells(width_cm, height_cm, len(swarm.robots), least_cm)
+    scene.columns, scene.rows = count_cells(width_cm, height_cm, len(swarm.robots), least_cm)
     scene.cell_width_cm, scene.cell_height_cm = width_cm / scene.columns, height_cm / scene.rows
 
 

@@ -10,14 +10,13 @@ import numpy as np
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Controller, Sensor
-from epuck_sim.embodied.cells import cells_needed, set_cells
+from epuck_sim.embodied.cells import count_cells, set_cells
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS
-from epuck_sim.embodied.controllers import assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.sensors.infrared import set_infrared
 from epuck_sim.embodied.sensors.signals import set_signal, slots_of
 from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
-from epuck_sim.embodied.user_code import assign_sense, sensed_bytes_needed
+from epuck_sim.embodied.user_code import assign_bytes, assign_sense, bytes_needed
 from epuck_sim.faults import set_faults
 from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection, arena_after, arena_entries
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
@@ -38,10 +37,8 @@ def make_swarm_block(
         arenas = [scenario.arena.build(), *later]
         block = make_block(_lengths(scenario, arenas, controllers, sensors))
         swarm = open_block(block)
-        _set_scene(swarm.scene[0], scenario)
         furnish(swarm, scenario.robots, scenario.group_kinds, arenas[0], scenario.timing)
-        _set_floor(swarm, arenas[0])
-        _set_robots(swarm.robots, scenario)
+        _set_scene(swarm, scenario, arenas[0])
         _set_groups(swarm, scenario, controllers, sensors)
         set_faults(swarm.faults, scenario.faults, scenario.sensor_names)
         swarm.scene[0].hides_flashes = any(section.changes == "flashes" for section in scenario.faults)
@@ -60,7 +57,7 @@ def room_for(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arenas: S
     return {
         "robots": robots,
         "groups": len(groups),
-        "cells": max(cells_needed(each.width_cm, each.height_cm, robots, least_cm) for each in arenas) + 1,
+        "cells": max(math.prod(count_cells(each.width_cm, each.height_cm, robots, least_cm)) for each in arenas) + 1,
         "members": robots,
         "circles": max(len(arena.circles) for arena in arenas),
         "edges": max(len(arena.edges) for arena in arenas),
@@ -109,13 +106,14 @@ def _lengths(
         "lamps": len(arenas[0].lamps),
         "picture": arenas[0].floor.picture.size,
         "senses": len(own),
-        "sensed": sum(itertools.starmap(sensed_bytes_needed, own)),
+        "sensed": sum(itertools.starmap(bytes_needed, own)),
         "bytes": sum(bytes_needed(each, group.count) for group, each in zip(groups, controllers, strict=True)),
     }
 
 
-def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
-    timing, stuck, spread = scenario.timing, scenario.stuck, scenario.spread
+def _set_scene(swarm: Swarm, scenario: EmbodiedScenario, arena: Arena) -> None:
+    """Write what all robots share, floor and lamps, which no schedule changes, and all in which robots begin alike."""
+    scene, floor, timing, stuck, spread = swarm.scene[0], arena.floor, scenario.timing, scenario.stuck, scenario.spread
     values = {
         "step": -1,
         "serving": -1,
@@ -133,9 +131,24 @@ def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
         "robots_vary": spread != SpreadSection() or stuck.per_hour > 0,
         "signals_draw": any(group.signal_is_random for group in scenario.robots),
         "spread": (spread.wheel_speed, spread.wheel_imbalance, spread.clock_rate, spread.infrared_gain),
+        "brightness": floor.brightness,
+        "picture_rows": floor.picture.shape[0],
+        "picture_columns": floor.picture.shape[1],
     }
     for name, value in values.items():
         scene[name] = value
+    swarm.picture[:] = floor.picture.ravel()
+    swarm.patches[:] = floor.patches
+    edges, lamps, robots = swarm.patch_edges, swarm.lamps, swarm.robots
+    edges.ax, edges.ay, edges.bx, edges.by = floor.edges.T
+    lamps.x, lamps.y, lamps.height, lamps.strength = arena.lamps.T
+    robots.number = np.arange(len(robots))
+    robots.present = scenario.present
+    robots.wheel_gain = robots.clock_rate = robots.infrared_gain = 1.0
+    robots.own_step_ms = robots.sensors.step_ms = timing.step_ms
+    robots.sensors.new_picture = True
+    robots.is_stuck = stuck.per_hour > 0  # until time 0, when all are freed
+    robots.starts_anew_at = -1.0
 
 
 def set_bodies(swarm: Swarm, kinds: Sequence[RobotKind]) -> None:
@@ -157,28 +170,6 @@ def set_arena(swarm: Swarm, arena: Arena, least_cm: float) -> None:
         edges.ax, edges.ay, edges.bx, edges.by = arena.edges.T
         edges.polygon = np.repeat(np.arange(len(arena.polygons)), [len(corners) for corners in arena.polygons])
     set_cells(swarm, arena.width_cm, arena.height_cm, least_cm)
-
-
-def _set_floor(swarm: Swarm, arena: Arena) -> None:
-    """Write floor and lamps, which no schedule changes."""
-    scene, floor = swarm.scene[0], arena.floor
-    scene.brightness = floor.brightness
-    scene.picture_rows, scene.picture_columns = floor.picture.shape
-    swarm.picture[:] = floor.picture.ravel()
-    swarm.patches[:] = floor.patches
-    edges, lamps = swarm.patch_edges, swarm.lamps
-    edges.ax, edges.ay, edges.bx, edges.by = floor.edges.T
-    lamps.x, lamps.y, lamps.height, lamps.strength = arena.lamps.T
-
-
-def _set_robots(robots: Any, scenario: EmbodiedScenario) -> None:
-    robots.number = np.arange(len(robots))
-    robots.present = scenario.present
-    robots.wheel_gain = robots.clock_rate = robots.infrared_gain = 1.0
-    robots.own_step_ms = robots.sensors.step_ms = scenario.timing.step_ms
-    robots.sensors.new_picture = True
-    robots.is_stuck = scenario.stuck.per_hour > 0  # until time 0, when all are freed
-    robots.starts_anew_at = -1.0
 
 
 def _set_groups(

@@ -16,13 +16,12 @@ from epuck_sim.embodied.bodies.chipmunk import move_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
 from epuck_sim.embodied.changes.schedule import blank, rest
-from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.signals import perceive_flashes, receive_pulses
 from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, PIXELS, Swarm, copy_array, swarm_at
-from epuck_sim.embodied.user_code import OwnSensor
+from epuck_sim.embodied.user_code import GroupControllers, OwnSensor
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.elementary import log, sin, sin_cos

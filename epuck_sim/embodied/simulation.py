@@ -24,7 +24,6 @@ from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes import schedule
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, begin_faults, take_events
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
-from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, MOST_STEPS, PARTS, ControlLoop, History, Stretch, act_again, check_command
 from epuck_sim.embodied.observers import Scene
@@ -32,7 +31,7 @@ from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.start import SCHEDULE, draw_places, draw_start, put_at_given_poses, vary
 from epuck_sim.embodied.step import Step, shown_steps
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
-from epuck_sim.embodied.user_code import OwnSensor, RobotError
+from epuck_sim.embodied.user_code import GroupControllers, OwnSensor, RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.faults import begin_or_end
 from epuck_sim.scenario.changes import TimedEntries, TrialEvent

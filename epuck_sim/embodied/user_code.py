@@ -1,9 +1,12 @@
-"""Users' code that runs on robots, as plain Python or compiled, and messages about its errors; sensors in files.
+"""Users' code that runs on robots: controllers and sensors in files, and messages about their errors.
 
-Compiled code does not know the line at which it raised, so code that fails runs again as plain Python, which does.
-Controllers have a module of their own, `controllers`.
+It is compiled by numba, interpreted for breakpoints and any library, or firmware in C. Compiled and interpreted code
+run the same source, users' files and `run_group` and `run_sensor` below, with equal results bit for bit. Compiled code
+does not know the line at which it raised, so code that fails runs again as plain Python, which does.
 """
 
+import ctypes
+import math
 import sys
 from abc import ABC, abstractmethod
 from bdb import BdbQuit
@@ -11,8 +14,8 @@ from collections import namedtuple
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
-from math import isnan
 from time import perf_counter
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
@@ -21,16 +24,29 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
-from epuck_sim.control.interface import Described, Sensor, Sensors, World
+from epuck_sim.control.firmware import Firmware
+from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, Wheels, World
 from epuck_sim.control.loader import check_imported_copies
+from epuck_sim.control.names import check_sensed
 from epuck_sim.embodied.start import SENSORS
-from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import BYTES, FLOAT64, SENSED, SENSED_BYTES, Swarm, open_block, swarm_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import line_of_definition, line_of_error
-from epuck_sim.util.jit import bind, jit_inline
+from epuck_sim.util.jit import bind, jit_inline, jit_no_alloc
 from epuck_sim.util.messages import describe_error
-from epuck_sim.util.native import array_at, function_address, record_type
+from epuck_sim.util.native import address_of, array_at, call_c, function_address, record_type
 from epuck_sim.util.seeds import robot_streams
+
+if TYPE_CHECKING:  # `bind` provides them
+    start: Callable[..., None]
+    step: Callable[..., None]
+    complete: Callable[..., Any]
+    sense: Callable[..., None]
+    MEMORY: np.dtype[Any]
+    READINGS: np.dtype[Any]
+    PARAMETERS: np.dtype[Any]
+
+Records = npt.NDArray[np.void]
 
 AGAIN_S = 1.0
 """Time limit, s, of the second run that finds the line of an error; compiled code may have run through a long loop."""
@@ -58,6 +74,7 @@ class UserCode(ABC):
     """Runs the code on each robot; takes the block, the addresses and the code's number. Compiled or interpreted."""
     address: int  # address of `run` in this process; 0 if it is interpreted
     _is_compiled = False
+    _sensing = 0  # `scene.sensing` while it runs
 
     def __init__(self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any) -> None:
         """Find the robots of a user's code by `record`, its GROUP or SENSE of this number in the block."""
@@ -77,14 +94,14 @@ class UserCode(ABC):
 
     def _interpreted(self, swarm: Swarm) -> Any:
         """Return the function as plain Python, which raises where compiled code does: at 1 / 0."""
-        known = {"swarm_at": lambda _: swarm, "array_at": view_at}
+        known = {
+            "swarm_at": lambda _: swarm,
+            "array_at": lambda block, first, end, dtype: block[first:end].view(dtype).view(np.recarray),
+        }
         kernels = {
             name: bind(each.function, **known) for name, each in self._names.items() if hasattr(each, "function")
         }
         return np.errstate(divide="raise", invalid="raise")(bind(self._function, **known, **{**self._names, **kernels}))
-
-    @abstractmethod
-    def _is_at_work(self) -> bool: ...
 
     @abstractmethod
     def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:
@@ -96,9 +113,11 @@ class UserCode(ABC):
 
     def fault(self, error: BaseException) -> RobotError | None:
         """Return the RobotError for an error that this code raised on a robot; None for any other error."""
-        if not self._is_at_work() or isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C
+        robot, is_at_work = int(self._scene.serving), self._scene.sensing == self._sensing
+        if isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C
             return None
-        robot = int(self._scene.serving)
+        if not (is_at_work and self.robots.start <= robot < self.robots.stop):
+            return None
         place = self._line_again(error, robot) if self._is_compiled else line_of_error(error, self._user.sources)
         if place is None:
             place, error = self._without_line(error, robot)
@@ -127,11 +146,6 @@ class UserCode(ABC):
         return None
 
 
-def view_at(block: Any, first: int, end: int, dtype: np.dtype[Any]) -> Any:
-    """Do what `native.array_at` does, in plain Python."""
-    return block[first:end].view(dtype).view(np.recarray)
-
-
 @contextmanager
 def _time_limit(seconds: float) -> Iterator[None]:
     end_s, before = perf_counter() + seconds, sys.gettrace()
@@ -148,16 +162,224 @@ def _time_limit(seconds: float) -> Iterator[None]:
         sys.settrace(before)
 
 
+# --- controllers --------------------------------------------------------------------------------------
+
+E_GROUP = np.dtype(
+    [
+        *(("robots", np.int64), ("pixels", np.int64), ("memory_size", np.int64), ("parameters_size", np.int64)),
+        *((name, np.intp) for name in ("step_ms", "distance_mm", "camera", "infrared", "new_picture", "pulses")),
+        *((name, np.intp) for name in ("messages", "actuators", "memory", "parameters", "random")),
+        *(("serving", np.intp), ("present", np.intp)),
+    ]
+)
+"""Record `e_group` of the header: sizes, and addresses of arrays. Each robot has one, as a swarm of one robot."""
+
+E_GROUP_BYTES = E_GROUP.itemsize
+
+
+def run_group(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+    """Run a control step of each robot of a group in the arena; if `scene.starts`, start those that are flagged."""
+    swarm = swarm_at(block)
+    scene, group = swarm.scene[0], swarm.groups[number]
+    kept = group.count
+    memories = array_at(block, group.memory, group.memory + (kept + 1) * group.memory_bytes, MEMORY)  # noqa: F821
+    parameters = array_at(block, group.parameters, group.memory, PARAMETERS)[0]  # noqa: F821
+    first = swarm.robots[group.first]
+    wheels = Wheels(float(first.wheel_limit_cm_s), float(first.wheel_base_cm))
+    for member in range(group.count):
+        robot = swarm.robots[group.first + member]
+        if not (robot.starts if scene.starts else robot.present):
+            continue
+        scene.serving = group.first + member
+        memories[kept] = memories[member]
+        scene.kept_random = robot.random
+        scene.kept_actuators = robot.actuators
+        if scene.starts:
+            start(memories[member], parameters, robot.random[:])  # noqa: F821
+            continue
+        sensed, row = robot.sensors, group.row + member * group.pixels
+        # slices, as numba takes arrays of different lengths in records for different types
+        sensors = Sensors(
+            int(sensed.step_ms),
+            sensed.infrared[:],
+            sensed.distance_mm[:],
+            swarm.pixels[row : row + group.pixels],
+            bool(sensed.new_picture),
+            int(sensed.pulses),
+            sensed.messages[:],
+            wheels,
+        )
+        sensed_by_all = complete(sensors, block, swarm, group.sense, member)  # noqa: F821
+        step(sensed_by_all, memories[member], robot.actuators, parameters, robot.random[:])  # noqa: F821
+    scene.serving = -1
+
+
+@jit_no_alloc
+def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
+    """Do what `run_group` does, for firmware in C."""
+    swarm = swarm_at(block)
+    scene, group = swarm.scene[0], swarm.groups[number]
+    function = addresses[group.controller + (1 if scene.starts else 2)]
+    for member in range(group.count):
+        robot = swarm.robots[group.first + member]
+        if robot.starts if scene.starts else robot.present:
+            scene.serving = group.first + member
+            call_c(function, addresses[group.controller + 3] + member * E_GROUP_BYTES)
+    scene.serving = -1
+
+
+def bytes_needed(user: Controller | Sensor, robots: int) -> int:
+    """Return how many bytes a group needs for a controller, in `Swarm.bytes`, or for a sensor, in `Swarm.sensed`."""
+    if isinstance(user, Controller):
+        return user.parameter_type.itemsize + (robots + 1) * user.memory.itemsize
+    return user.parameter_type.itemsize + robots * (2 * user.readings.itemsize + STREAM_BYTES)
+
+
+def assign_bytes(swarm: Swarm, group: Any, controller: Controller, first: int) -> int:
+    """Write to a GROUP where its controllers' bytes are, from `first` in `Swarm.bytes` on; return their end there."""
+    parameters, memory = controller.parameter_type, controller.memory
+    group.parameters = swarm.scene[0].at[BYTES] + first
+    group.memory = group.parameters + parameters.itemsize
+    group.memory_bytes = memory.itemsize
+    group.phase = group.period = -1
+    if controller.is_oscillator:
+        assert memory.fields
+        assert parameters.fields
+        group.phase, group.period = memory.fields["phase_ms"][1], parameters.fields["period_s"][1]
+        group.phase_is_float = memory["phase_ms"].kind == "f"
+    return first + bytes_needed(controller, group.count)
+
+
+class GroupControllers(UserCode):
+    """The controllers of one group of robots."""
+
+    controller: Controller  # controller of the robots
+
+    def __init__(
+        self,
+        block: ByteArray,
+        swarm: Swarm,
+        number: int,
+        controller: Controller,
+        sensors: Sequence[Sensor] = (),
+        *,
+        interpret: bool = False,
+    ) -> None:
+        """Prepare a group's controllers without starting them; the block, which has room for them, stays as it is."""
+        self._group = swarm.groups[number]
+        super().__init__(controller, block, swarm, number, self._group)
+        check_sensed(controller, names_of_readings(sensors))
+        self.controller, self._of_firmware = controller, list[int]()
+        if isinstance(controller, Firmware):
+            self._e_groups = _e_groups(swarm, number)
+            functions = (controller.library.e_start_all, controller.library.e_step_all)
+            self._of_firmware = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
+            self._of_firmware.append(self._e_groups.ctypes.data)
+            self.run, self.address = _run_firmware, address_of(_run_firmware)
+        else:
+            names = {"start": controller.start, "step": controller.step, "complete": completion(tuple(sensors))}
+            types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
+            contents = repr([(each.name, each.readings) for each in sensors])
+            self._make_run(run_group, names | types, contents, interpret=interpret)
+
+    def addresses(self, first: int) -> list[int]:
+        """Write to the group's record that its entries in the addresses begin at index `first`; return these entries.
+
+        They are the address of `run`; for firmware also of `e_start_all`, `e_step_all` and the first robot's record.
+        """
+        self._group.controller = first
+        return [self.address, *self._of_firmware]
+
+    @property
+    def memory(self) -> Records:
+        """(robots,) memory of each robot, in place."""
+        group = self._group
+        return self._block[group.memory :][: group.count * group.memory_bytes].view(self.controller.memory)
+
+    @property
+    def parameters(self) -> Records:
+        """(1,) the parameters of all robots, in place."""
+        return self._block[self._group.parameters : self._group.memory].view(self.controller.parameter_type)
+
+    @property
+    def period_ms(self) -> float:
+        """Period of the oscillators in ms; NaN if the robots are not oscillators."""
+        return float(self.parameters["period_s"][0]) * 1000 if self.controller.is_oscillator else math.nan
+
+    def start(self, members: Sequence[int] | None = None) -> None:
+        """Start controllers of all robots, or of `members` (numbers in the group); clear their memory and actuators."""
+        chosen = np.arange(self._group.count) if members is None else np.asarray(members, np.intp)
+        robots = self._swarm.robots[self.robots]
+        robots.starts = False
+        robots.starts[chosen] = True
+        robots.actuators[chosen] = np.zeros(1, ACTUATORS)
+        self.memory[chosen] = np.zeros(1, self.controller.memory)
+        self._scene.starts = True
+        try:
+            self.step()
+        finally:
+            self._scene.starts = False
+
+    def step(self) -> None:
+        """Run one control step of each robot that is in the arena; raise RobotError where a controller does."""
+        addresses = np.array([0] * self._group.controller + self.addresses(self._group.controller))
+        try:
+            self.run(self._block, addresses, self._number)
+        except BaseException as error:  # whatever a user's controller may raise
+            if fault := self.fault(error):
+                raise fault from error
+            raise
+
+    def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:
+        scene, group, served = swarm.scene[0], self._group, swarm.robots[robot]
+        served.random, served.actuators = scene.kept_random, scene.kept_actuators
+        kept = group.memory + group.count * group.memory_bytes
+        memory = group.memory + (robot - group.first) * group.memory_bytes
+        block[memory:][: group.memory_bytes] = block[kept:][: group.memory_bytes]
+
+    def _interpreted(self, swarm: Swarm) -> Any:
+        return super()._interpreted(_views(swarm))
+
+
+def _views(swarm: Swarm) -> Swarm:
+    """Return a swarm whose robots have views of their fields as attributes: reading a record's takes microseconds."""
+    robots, sensors = swarm.robots, swarm.robots.sensors
+    fields = ("starts", "present", "random", "wheel_limit_cm_s", "wheel_base_cm")
+    views = [
+        SimpleNamespace(
+            sensors=SimpleNamespace(**{name: sensors[name][robot, ...] for name in SENSED.names or ()}),
+            actuators=robots.actuators[robot],
+            **{name: robots[name][robot, ...] for name in fields},
+        )
+        for robot in range(len(robots))
+    ]
+    return swarm._replace(robots=views)
+
+
+def _e_groups(swarm: Swarm, number: int) -> Records:
+    """Return (robots + 1,) the record of each robot for its firmware, and one to which firmware writes `serving`."""
+    group = swarm.groups[number]
+    members = swarm.robots[group.first :][: group.count]
+    records = np.zeros(group.count + 1, E_GROUP)
+    records["robots"], records["pixels"] = 1, group.pixels
+    records["serving"] = records[-1:].ctypes.data
+    each, block, numbers = records[:-1], swarm.scene.ctypes.data, np.arange(group.count)
+    camera = swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, group.pixels)
+    rows = {name: members[name] for name in ("actuators", "random", "present")} | {"camera": camera}
+    for name in ("step_ms", "distance_mm", "infrared", "new_picture", "pulses", "messages"):
+        rows[name] = members.sensors[name]
+    for name, array in rows.items():
+        each[name] = int(array.ctypes.data) + array.strides[0] * numbers
+    each["memory"] = block + group.memory + group.memory_bytes * numbers
+    each["parameters"] = block + group.parameters
+    return records
+
+
 # --- sensors in files of their own (see `control.loader`) ----------------------------------------------
 
 STREAM = record_type([("words", "u8", 4)])  # a stream of random numbers
 
 STREAM_BYTES = STREAM.itemsize
-
-if TYPE_CHECKING:  # `bind` provides them
-    sense: Callable[..., None]
-    READINGS: np.dtype[Any]
-    PARAMETERS: np.dtype[Any]
 
 
 def run_sensor(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
@@ -193,14 +415,9 @@ def run_sensor(block: ByteArray, addresses: IntArray, number: int) -> None:  # n
         scene.kept_random = stream.words
         sense(world, robot, readings[member], parameters, stream.words[:])  # noqa: F821
         for place in range(first, first + floats):
-            if isnan(words[place]):
+            if math.isnan(words[place]):
                 raise ValueError("a reading is not a number")
     scene.serving, scene.sensing = -1, 0
-
-
-def sensed_bytes_needed(sensor: Sensor, robots: int) -> int:
-    """Return the number of bytes that a sensor of a group needs in `Swarm.sensed`."""
-    return sensor.parameter_type.itemsize + robots * (2 * sensor.readings.itemsize + STREAM_BYTES)
 
 
 def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int) -> int:
@@ -211,12 +428,12 @@ def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int)
     record.kept = record.random + count * STREAM_BYTES
     fields = [sensor.readings[name] for name in sensor.readings.names or ()]
     record.floats = sum(int(np.prod(field.shape, dtype=int)) for field in fields if field.base.kind == "f")
-    return byte + sensed_bytes_needed(sensor, count)
+    return byte + bytes_needed(sensor, count)
 
 
-def readings_of(swarm: Swarm, record: Any, sensor: Sensor) -> npt.NDArray[np.void]:
+def readings_of(swarm: Swarm, record: Any, sensor: Sensor) -> Records:
     """Return (robots,) each robot's readings of a sensor, by its SENSE record, in place."""
-    readings: npt.NDArray[np.void] = swarm.sensed[record.readings : record.random].view(sensor.readings)
+    readings: Records = swarm.sensed[record.readings : record.random].view(sensor.readings)
     return readings
 
 
@@ -229,24 +446,20 @@ class OwnSensor(UserCode):
     def __init__(
         self, block: ByteArray, swarm: Swarm, number: int, name: str, sensor: Sensor, *, interpret: bool = False
     ) -> None:
-        """Compile a sensor of a scenario, without calling it; number: its index in `Swarm.senses`, see `assign_sense`.
-
-        Raises:
-            ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
-        """
+        """Compile a sensor of a scenario, without calling it; number: its index in `Swarm.senses`."""
         self._own = swarm.senses[number]
         super().__init__(sensor, block, swarm, number, self._own)
-        self.sensor, self.name = sensor, name
+        self.sensor, self.name, self._sensing = sensor, name, number + 1
         types = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
         self._make_run(run_sensor, {"sense": sensor.sense, **types}, interpret=interpret)
 
     @property
-    def readings(self) -> npt.NDArray[np.void]:
+    def readings(self) -> Records:
         """(robots,) each robot's readings, in place."""
         return readings_of(self._swarm, self._own, self.sensor)
 
     @property
-    def parameters(self) -> npt.NDArray[np.void]:
+    def parameters(self) -> Records:
         """(1,) the parameters, in place."""
         first, kind = int(self._scene.at[SENSED_BYTES]), self.sensor.parameter_type
         return self._block[first + self._own.parameters : first + self._own.readings].view(kind)
@@ -267,9 +480,6 @@ class OwnSensor(UserCode):
         sequence = np.random.SeedSequence(seed, spawn_key=self.keys)
         streams = robot_streams(sequence, self.robots.stop)[self.robots]
         self._swarm.sensed[self._own.random : self._own.kept] = streams.view(np.uint8).ravel()
-
-    def _is_at_work(self) -> bool:
-        return bool(self._scene.sensing == self._number + 1)
 
     def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:  # noqa: ARG002
         stream = swarm.senses[self._number].random + STREAM_BYTES * (robot - self.robots.start)

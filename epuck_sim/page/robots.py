@@ -15,12 +15,11 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.bodies.shapes import WALL_CM
-from epuck_sim.embodied.cells import cells_needed
-from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.cells import count_cells
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
-from epuck_sim.embodied.user_code import OwnSensor
+from epuck_sim.embodied.user_code import GroupControllers, OwnSensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.page.roots import own_controllers, own_sensors, shipped_root
 from epuck_sim.page.settings import Setting, allowed, fields_of, refuse, stops
@@ -155,7 +154,7 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
     changes: dict[str, Any] = {"robots.0.count": count}
     if _has_free_sides(scenario):
         robots, least_cm = count + scenario.robot_count - scenario.robots[0].count, cell_cm(scenario.group_kinds)
-        side_cm = max(_sides(scenario), key=lambda side: (cells_needed(side, side, robots, least_cm), side))
+        side_cm = max(_sides(scenario), key=lambda side: (math.prod(count_cells(side, side, robots, least_cm)), side))
         changes |= {"arena.width_cm": side_cm, "arena.height_cm": side_cm}
     block, functions = Simulation(with_values(scenario, changes, scenario.name), seed=0).beginning()
     controllers, sensors = own_controllers(scenario), own_sensors(scenario)

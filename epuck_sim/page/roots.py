@@ -21,7 +21,7 @@ from numba import types
 from epuck_sim.control.compilation import jit_functions
 from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.control.loader import find_controller, find_sensor
-from epuck_sim.embodied import controllers, loop, start
+from epuck_sim.embodied import loop, start, user_code
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.sensors import camera, infrared, signals
 from epuck_sim.embodied.user_code import completion, run_sensor
@@ -108,7 +108,7 @@ def controller_root(controller: Controller, sensors: tuple[Sensor, ...] = ()) ->
     """Return the function (block, addresses, group) that runs a controller, whose group has `sensors` in files."""
     names = _user_functions(controller, start=controller.start, step=controller.step)
     types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
-    return _careful(bind(controllers.run_group, **names, **types, complete=completion(sensors))), _OF_GROUP
+    return _careful(bind(user_code.run_group, **names, **types, complete=completion(sensors))), _OF_GROUP
 
 
 def sensor_root(sensor: Sensor) -> Root:

@@ -11,8 +11,8 @@ import pytest
 
 from epuck_sim.control.interface import EPUCK_WHEELS, Controller
 from epuck_sim.control.loader import find_controller
-from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.embodied.swarm import SENSED, make_block, open_block
+from epuck_sim.embodied.user_code import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.user_files import Value
 from epuck_sim.util.seeds import robot_streams

@@ -14,8 +14,8 @@ import numpy as np
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import load_controller
-from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.swarm import DTYPES, open_block
+from epuck_sim.embodied.user_code import GroupControllers
 from epuck_sim.errors import ControllerError, EpuckSimError
 from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.user_files import Value

@@ -13,10 +13,10 @@ from epuck_sim.control.interface import ACTUATORS
 from epuck_sim.embodied import start
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.bodies.world import World
-from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.infrared import read_nothing
 from epuck_sim.embodied.sensors.signals import forget_signals
 from epuck_sim.embodied.swarm import Swarm, group_of, open_block, swarm_at
+from epuck_sim.embodied.user_code import GroupControllers
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.changes import RobotDisplacement
 from epuck_sim.scenario.embodied import EmbodiedScenario

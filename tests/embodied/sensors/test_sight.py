@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.cells import cells_needed, set_cells, sort_into_cells
+from epuck_sim.embodied.cells import count_cells, set_cells, sort_into_cells
 from epuck_sim.embodied.sensors import sight
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
@@ -45,7 +45,7 @@ def view_of(x: float, y: float, heading: float, width: float) -> sight.FieldOfVi
 
 @pytest.mark.parametrize("heading", [0.3, 1.4, -2.0, -0.9])
 def test_a_search_visits_a_part_of_the_cells_about_one_for_a_robot_and_ends_where_all_is_met(heading):
-    assert cells_needed(700.0, 700.0, 1000, cell_cm([EPUCK])) == pytest.approx(1000, rel=0.1)
+    assert math.prod(count_cells(700.0, 700.0, 1000, cell_cm([EPUCK]))) == pytest.approx(1000, rel=0.1)
     swarm, view = open_block(make_block({"robots": 1000})), view_of(350.0, 350.0, heading, 0.5)
     set_cells(swarm, 700, 700, cell_cm([EPUCK]))
     scene = swarm.scene[0]
