@@ -30,13 +30,9 @@ def compile_for(
 ) -> Any:
     """Compile a function (block, addresses, number) that calls a user's functions, cached by all it is made from.
 
-    Args:
-        user: The object that describes the user's file, with `sources` and `modules`.
-        function: The function.
-        names: Values of its global names: functions of the file, types of records, or kernels.
-        contents: Text that identifies what those kernels are made from.
-        takes: Numba's types of the arguments, if the function takes others.
-        error: Class of the error that is raised if the file cannot be compiled.
+    `names` has the values of its global names: functions of the file that `user` describes, types of records, or
+    kernels, and `contents` a text that identifies what these are made from. A function that takes other arguments has
+    their types in `takes`. If the file cannot be compiled, an error of this class is raised.
     """
     types = tuple(value for value in names.values() if isinstance(value, np.dtype))
     made_from = _static_digest(user, types, contents).encode(), digest_of_room(function).encode()

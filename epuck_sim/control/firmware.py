@@ -126,25 +126,22 @@ def _default(name: str, field: _Field) -> Value:
 def _keep_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     """Return a copy of a library, named after its contents, and the contents; a loaded file must not change."""
     contents = path.read_bytes()
-    if _is_cut_off(contents):  # to load it would end the process
-        raise ControllerError(f"{path}: is not a whole library: its end is missing")
+    if contents[:6] == b"\x7fELF\x02\x01":  # of Linux, 64 bits: its last part is the table of sections
+        head = contents[:64].ljust(64, b"\xff")  # a shorter one would end nowhere
+        (begin,), (size, count) = struct.unpack_from("<Q", head, 40), struct.unpack_from("<HH", head, 58)
+        if begin + size * count > len(contents):  # to load it would end the process
+            raise ControllerError(f"{path}: is not a whole library: its end is missing")
     return _library([contents], lambda part: part.write_bytes(contents)), {path: contents}
-
-
-def _is_cut_off(contents: bytes) -> bool:
-    """Return whether a library of Linux, 64 bits, ends before its table of sections does, which is its last part."""
-    if contents[:6] != b"\x7fELF\x02\x01":
-        return False
-    if len(contents) < 64:
-        return True
-    (begin,) = struct.unpack_from("<Q", contents, 40)
-    size, count = struct.unpack_from("<HH", contents, 58)
-    return bool(begin + size * count > len(contents))
 
 
 def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     """Return the library of a C file, and the contents of the files it is made from, except the compiler's own."""
-    compiler = _find_compiler(path)
+    compiler = shlex.split(os.environ.get("CC", "cc")) or ["cc"]
+    if shutil.which(compiler[0]) is None:
+        raise ControllerError(
+            f"{path}: needs a C compiler, and {compiler[0]} is not found; install gcc or clang, name one in CC, or "
+            "give the library (.so) that the file was compiled to elsewhere"
+        )
     _, _, files = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", "-MT", "code", path]).partition(":")
     named = re.findall(r"(?:\\.|[^\s\\])+", files.replace("\\\n", " "))  # with the quotes of `make`
     own = [Path(re.sub(r"\\(.)", r"\1", file).replace("$$", "$")).resolve() for file in named]
@@ -160,16 +157,6 @@ def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
 
     contents = [settings, (HEADERS / "epuck.h").read_bytes(), *sources.values()]
     return _library(contents, build), sources
-
-
-def _find_compiler(path: Path) -> list[str]:
-    command = shlex.split(os.environ.get("CC", "cc")) or ["cc"]
-    if shutil.which(command[0]) is None:
-        raise ControllerError(
-            f"{path}: needs a C compiler, and {command[0]} is not found; install gcc or clang, name one in CC, or give "
-            "the library (.so) that the file was compiled to elsewhere"
-        )
-    return command
 
 
 def _run(path: Path, command: Sequence[str | Path]) -> str:

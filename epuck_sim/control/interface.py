@@ -29,14 +29,11 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.user_files import Value, record_type, run_check, with_defaults
 
-EXTERNAL = ("wheels", "ring")
-"""Parts of a robot that a controller may leave to commands from outside."""
+EXTERNAL = ("wheels", "ring")  # parts of a robot that a controller may leave to commands from outside
 
-SENSORS = 8
-"""Number of proximity sensors that a robot can read; it may have fewer."""
+SENSORS = 8  # number of proximity sensors that a robot can read; it may have fewer
 
-MAX_MESSAGES = 8
-"""Largest number of messages that a robot can read in one control step."""
+MAX_MESSAGES = 8  # largest number of messages that a robot can read in one control step
 
 _NO_MESSAGES = np.zeros(MAX_MESSAGES, np.int64)
 _NO_MESSAGES.flags.writeable = False
@@ -45,14 +42,11 @@ _NO_MESSAGES.flags.writeable = False
 class Wheels(NamedTuple):
     """A robot's two wheels."""
 
-    limit_cm_s: float
-    """Largest speed of each, cm/s, forwards or backwards."""
-    base_cm: float
-    """Distance between them, cm."""
+    limit_cm_s: float  # largest speed of each, cm/s, forwards or backwards
+    base_cm: float  # distance between them, cm
 
 
-EPUCK_WHEELS = Wheels(epuck.WHEEL_LIMIT_CM_S, epuck.WHEEL_BASE_CM)
-"""The wheels of the e-puck."""
+EPUCK_WHEELS = Wheels(epuck.WHEEL_LIMIT_CM_S, epuck.WHEEL_BASE_CM)  # the wheels of the e-puck
 
 
 class Sensors(NamedTuple):
@@ -82,23 +76,16 @@ class Sensors(NamedTuple):
 class World(NamedTuple):
     """The world at one instant, as sensors in files of their own see it."""
 
-    time_s: float
-    """Simulated time, s."""
-    width_cm: float
-    """Length of the floor along x, cm."""
-    height_cm: float
-    """Length of the floor along y, cm."""
-    radius_cm: float
-    """Radius of the robot that senses, cm."""
+    time_s: float  # simulated time, s
+    width_cm: float  # length of the floor along x, cm
+    height_cm: float  # length of the floor along y, cm
+    radius_cm: float  # radius of the robot that senses, cm
     robots: Any
     """(robots,) records: `x` and `y` (cm), `heading` (rad), `radius_cm`, `ring_on` (whether the ring is lit), `present`
     (whether the robot is in the arena) and `number`."""
-    circles: Any
-    """(n,) records: `x`, `y` and `radius` (cm) of round obstacles and of movables."""
-    edges: Any
-    """(n,) records: `ax`, `ay`, `bx` and `by` (cm), the ends of an edge of another obstacle."""
-    swarm: Any
-    """All of the swarm, for the functions of `epuck_sim.embodied.sensing`."""
+    circles: Any  # (n,) records: `x`, `y` and `radius` (cm) of round obstacles and of movables
+    edges: Any  # (n,) records: `ax`, `ay`, `bx` and `by` (cm), the ends of an edge of another obstacle
+    swarm: Any  # all of the swarm, for the functions of `epuck_sim.embodied.sensing`
 
 
 ACTUATORS = np.dtype(
@@ -119,14 +106,11 @@ class Described:
     """Code of a user's file that runs on robots: a controller, or a sensor."""
 
     name: str
-    stored_name: str
-    """Name by which it is found again, see `user_files.Place`."""
+    stored_name: str  # name by which it is found again, see `user_files.Place`
     path: Path
-    parameters: Mapping[str, Value]
-    """Name and default of each parameter."""
+    parameters: Mapping[str, Value]  # name and default of each parameter
     check: Callable[[SimpleNamespace], None] | None
-    sources: Mapping[Path, bytes]
-    """Contents of every file that its code comes from, at the time of loading."""
+    sources: Mapping[Path, bytes]  # contents of every file that its code comes from, at the time of loading
     modules: Mapping[Path, ModuleType]
     """The module made from each of these files: its own copy, which no `import` statement returns."""
 
@@ -161,12 +145,10 @@ class Described:
 class Controller(Described):
     """A controller as its file describes it."""
 
-    memory: np.dtype[Any]
-    """Record type of a robot's memory."""
+    memory: np.dtype[Any]  # record type of a robot's memory
     start: Callable[..., None]
     step: Callable[..., None]
-    external: tuple[str, ...]
-    """The parts, of `EXTERNAL`, that are commanded from outside."""
+    external: tuple[str, ...]  # the parts, of `EXTERNAL`, that are commanded from outside
 
     @property
     def has_phase(self) -> bool:
@@ -188,6 +170,5 @@ class Controller(Described):
 class Sensor(Described):
     """A sensor as its file describes it; see `control.loader`."""
 
-    readings: np.dtype[Any]
-    """Record type of its readings, as controllers find them in `sensors`."""
+    readings: np.dtype[Any]  # record type of its readings, as controllers find them in `sensors`
     sense: Callable[..., None]

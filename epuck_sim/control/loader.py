@@ -18,7 +18,6 @@ import inspect
 import keyword
 import math
 import sys
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -46,13 +45,6 @@ CONTROLLER = Kind(
 DRAW = "draw by epuck_sim.util.rng.uniform(random)"
 """Advice for controllers and sensors whose random numbers do not follow from the trial's seed."""
 
-CONTROLLER_PARTS = {
-    "PARAMETERS": "a mapping of names to default values",
-    "MEMORY": "a mapping of names to types",
-    "start": "a function start(memory, parameters, random)",
-    "step": "a function step(sensors, memory, actuators, parameters, random)",
-}
-
 
 def find_controller(name: str, folder: Path | None = None) -> Controller:
     """Return a controller: a shipped one, an installed package's, or a file's (.py, .c, .so); see `Kind.locate`."""
@@ -71,7 +63,7 @@ def _load(place: Place) -> Controller:
             raise ControllerError(f"{place.path}: is no controller; allowed: files that end in .py, .c or .so")
         return load_firmware(place.path)
     file = load_python_file(place, ControllerError, (builtin_folder(CONTROLLERS),))
-    _check_parts(file, "a controller", CONTROLLER_PARTS)
+    _check_parts(file, "a controller", "PARAMETERS", "MEMORY", "start", "step")
     parts, external = file.parts, file.parts.get("EXTERNAL", ())
     if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
         said = f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {comma_list(EXTERNAL)}"
@@ -90,21 +82,25 @@ def _load(place: Place) -> Controller:
     return controller
 
 
-def _check_parts(file: PythonFile, noun: str, parts: Mapping[str, str]) -> None:
-    for part, wanted in parts.items():
-        found = file.parts.get(part)
-        if not (isinstance(found, dict) if part.isupper() else callable(found)):
-            raise file.refusal(part, f"{noun} needs {part}: {wanted}")
-        if part in ARGUMENTS:
-            try:
-                arguments = inspect.signature(file.parts[part], follow_wrapped=False)
-            except ValueError:  # of what is compiled already
-                continue
-            try:
-                arguments.bind(*ARGUMENTS[part])
-            except TypeError:
-                said = f"{part} takes {len(arguments.parameters)} arguments; allowed: {', '.join(ARGUMENTS[part])}"
-                raise file.refusal(part, said) from None
+def _check_parts(file: PythonFile, noun: str, *parts: str) -> None:
+    for part in parts:
+        found, takes = file.parts.get(part), ARGUMENTS.get(part)
+        if takes is None:
+            if not isinstance(found, dict):
+                values = "default values" if part == "PARAMETERS" else "types"
+                raise file.refusal(part, f"{noun} needs {part}: a mapping of names to {values}")
+            continue
+        if not callable(found):
+            raise file.refusal(part, f"{noun} needs {part}: a function {part}({', '.join(takes)})")
+        try:
+            arguments = inspect.signature(found, follow_wrapped=False)
+        except ValueError:  # of what is compiled already
+            continue
+        try:
+            arguments.bind(*takes)
+        except TypeError:
+            said = f"{part} takes {len(arguments.parameters)} arguments; allowed: {', '.join(takes)}"
+            raise file.refusal(part, said) from None
 
 
 MOST_NUMBERS = {"READINGS": 10_000, "MEMORY": 1_000_000}  # most numbers of a reading, and of a part of the memory
@@ -130,11 +126,6 @@ def _described(place: Place, file: PythonFile) -> Described:
 SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=dict)
 """How sensors in files of their own are found."""
 
-SENSOR_PARTS = {
-    "READINGS": "a mapping of names to types",
-    "sense": "a function sense(world, robot, readings, parameters, random)",
-}
-
 
 def find_sensor(name: str, folder: Path | None = None) -> Sensor:
     """Return a sensor: an installed package's, or a file's (.py); see `Kind.locate`."""
@@ -144,7 +135,7 @@ def find_sensor(name: str, folder: Path | None = None) -> Sensor:
 @kept
 def _load_sensor(place: Place) -> Sensor:
     file = load_python_file(place, ControllerError)
-    _check_parts(file, "a sensor", SENSOR_PARTS)
+    _check_parts(file, "a sensor", "READINGS", "sense")
     sense = file.parts["sense"]
     if not file.parts["READINGS"]:
         raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
@@ -155,18 +146,15 @@ def _load_sensor(place: Place) -> Sensor:
         if keyword.iskeyword(name) or str(name).startswith("_"):
             raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
     readings = _record_type(file, "READINGS")
+    names = sorted(readings.names or (), key=lambda name: readings[name].base.kind != "f")
+    # floats come before whole numbers, so that they can be viewed as one array
+    ordered = np.dtype([(name, readings[name].base, readings[name].shape) for name in names], align=True)
     if "file" in file.parameters():
         raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
-    sensor = Sensor(**vars(_described(place, file)), readings=_floats_first(readings), sense=sense)
+    sensor = Sensor(**vars(_described(place, file)), readings=ordered, sense=sense)
     check_own_names(sensor)
     check_draws(file, DRAW)
     return sensor
-
-
-def _floats_first(readings: np.dtype[Any]) -> np.dtype[Any]:
-    """Return a record type whose floats come before whole numbers, so that they can be viewed as one array."""
-    names = sorted(readings.names or (), key=lambda name: readings[name].base.kind != "f")
-    return np.dtype([(name, readings[name].base, readings[name].shape) for name in names], align=True)
 
 
 # --- values that a program sets ------------------------------------------------------------------------

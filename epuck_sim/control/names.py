@@ -125,11 +125,16 @@ def _mistakes(
 ) -> Iterator[tuple[int, str]]:
     """Yield line and message of each mistake in a function; `names` has the roles of its arguments by name."""
     parts = [node for node in nodes if isinstance(node, ast.Attribute | ast.Subscript)]
-    also_named = _names_of_parts(nodes, names)
+    named = (each for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load))
+    given, also_named = Counter(each.id for each in named), dict(names)
     own = "readings" if "world" in fixed else "memory"
     for node in nodes:
         if isinstance(node, ast.Global):
             yield node.lineno, f"{ast.unparse(node)}: its value would stay from trial to trial; use {own}"
+        if isinstance(node, ast.Assign | ast.For):  # of a part of something with a role, to a name that it alone sets
+            part, targets = (node.iter, [node.target]) if isinstance(node, ast.For) else (node.value, node.targets)
+            if role := also_named.get(_root(part)):
+                also_named |= {each.id: role for each in targets if isinstance(each, ast.Name) and given[each.id] == 1}
     for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
         is_set = not isinstance(node.ctx, ast.Load)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:
@@ -181,19 +186,6 @@ def _calls(node: ast.AST, hidden: Set[str] | None = None) -> Iterator[tuple[ast.
 
 def _is_of_generators(made_by: object) -> bool:
     return GENERATORS.fullmatch(getattr(made_by, "__module__", None) or "") is not None
-
-
-def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[str, str]:
-    """Return roles by name, also of names that are assigned only once, to a part of something with a role."""
-    roles = dict(names)
-    named = (each for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load))
-    given = Counter(each.id for each in named)
-    for node in nodes:
-        if isinstance(node, ast.Assign | ast.For):
-            part, targets = (node.iter, [node.target]) if isinstance(node, ast.For) else (node.value, node.targets)
-            if role := roles.get(_root(part)):
-                roles |= {each.id: role for each in targets if isinstance(each, ast.Name) and given[each.id] == 1}
-    return roles
 
 
 def _root(node: ast.AST) -> str:

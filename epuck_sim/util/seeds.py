@@ -29,13 +29,7 @@ def trial_seed(master: int, trial: int) -> int:
 
 @lru_cache(maxsize=4096)  # of each trial of a chunk it is asked several times
 def point_seed(master: int, point: str, trial: int) -> int:
-    """Return the seed of a trial of a sweep.
-
-    Args:
-        master: The sweep's master seed.
-        point: The key of the point, its axis values as text.
-        trial: The number of the trial at this point.
-    """
+    """Return the seed of a trial at a point of a sweep, whose key is its axis values as text."""
     digest = hashlib.sha256(point.encode()).digest()
     return _derived(master, (int.from_bytes(digest[:4]), int.from_bytes(digest[4:8]), trial))
 
