@@ -89,11 +89,7 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         return self._of_agents(rows), self._infos_of_agents(infos)
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-        """Have all robots act; return observations, rewards, terminations, truncations and infos of all agents.
-
-        Raises:
-            ValueError: The episode is over or has not begun, an agent has no action, or an action is not allowed.
-        """
+        """Have all robots act; return observations, rewards, terminations, truncations and infos of all agents."""
         if not self.agents:
             raise ValueError("no episode is under way: it is over, or has not begun; call reset()")
         if actions.keys() != set(self.agents):
@@ -219,12 +215,7 @@ def robot_vector_env(
     render_mode: str | None = None,
     **settings: Any,
 ) -> SwarmVectorEnv:
-    """Return a `vector_env` of swarms with one robot each that is driven from outside, for `gymnasium.make_vec`.
-
-    Raises:
-        ScenarioError: No robot of a swarm is driven from outside, or several are.
-        ValueError: The length of episodes is given in steps, or `render_mode` is given.
-    """
+    """Return a `vector_env` of swarms with one robot each that is driven from outside, for `gymnasium.make_vec`."""
     if max_episode_steps is not None:
         raise ValueError(f"max_episode_steps is {max_episode_steps}; allowed: episode_s, in simulated seconds")
     if render_mode is not None:

@@ -106,11 +106,7 @@ REWARD = Kind(
 
 
 def find_reward(reward: SituationFunction | str | Path) -> SituationFunction:
-    """Return a reward: a function as it is, one by its name, or the function `reward` of a file.
-
-    Raises:
-        ScenarioError: There is no such reward, or the file has none.
-    """
+    """Return a reward: a function as it is, one by its name, or the function `reward` of a file."""
     if callable(reward):
         return reward
     if not isinstance(reward, str | Path):

@@ -53,32 +53,23 @@ def compile_kernels(named: Mapping[str, Root]) -> bytes:
 
 
 def link(kernels: bytes, names: Iterable[str], folder: Path, *sources: object) -> bytes:
-    """Return the WebAssembly of kernels in an object file and of `SHIM`, which exports functions of these names.
+    """Return the WebAssembly of kernels in an object file, of `SHIM`, and of further sources in C, given with options.
 
-    Args:
-        kernels: The object file.
-        names: What is exported, beside what `SHIM` exports itself.
-        folder: Files are written here.
-        sources: Further sources in C, and options.
+    It exports functions of these names, beside what `SHIM` exports itself; files are written to the folder.
     """
     made, linked = folder / "kernels.o", folder / "linked.wasm"
     made.write_bytes(kernels)
     exports = (f"-Wl,--export={name}" for name in names)
     command = [sys.executable, "-m", "ziglang", "cc", *LINKING, made, SHIM, *sources, *exports, "-o", linked]
     done = subprocess.run(list(map(str, command)), stderr=subprocess.PIPE, text=True, check=False)
+    if lacking := sorted(set(re.findall(r"undefined symbol: (\w+)", done.stderr))):
+        raise ScenarioError(
+            f"code in a file calls what pages do not have ({', '.join(lacking)}), such as new arrays or lists; "
+            "`epuck-sim run` does"
+        )
     if done.returncode:
-        raise ScenarioError(_why_not(done.stderr))
+        raise ScenarioError(f"ziglang cannot link the page: {done.stderr.strip()}")
     return linked.read_bytes()
-
-
-def _why_not(said: str) -> str:
-    lacking = sorted(set(re.findall(r"undefined symbol: (\w+)", said)))
-    if not lacking:
-        return f"ziglang cannot link the page: {said.strip()}"
-    return (
-        f"code in a file calls what pages do not have ({', '.join(lacking)}), such as new arrays or lists; "
-        "`epuck-sim run` does"
-    )
 
 
 # --- a module of a scenario's own files ---------------------------------------------------------------------
@@ -136,12 +127,8 @@ def main() -> None:
     """Make the module of each model."""
     for model in get_args(Model):
         with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            is_embodied = model == "embodied"
-            exports = [*roots(model), *(function for function in FUNCTIONS if is_embodied)]
-            wasm = link(
-                compile_kernels(roots(model)), exports, folder, *(chipmunk_sources(folder) if is_embodied else ())
-            )
+            functions, sources = (FUNCTIONS, chipmunk_sources(Path(name))) if model == "embodied" else ((), ())
+            wasm = link(compile_kernels(roots(model)), [*roots(model), *functions], Path(name), *sources)
         packed = gzip.compress(wasm, 9, mtime=0)
         (FOLDER / f"{model}.wasm.gz").write_bytes(packed)
         (FOLDER / f"{model}.digest").write_text(digest_kernels(model) + "\n")

@@ -24,7 +24,6 @@ from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.embodied import loop, start, user_code
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.sensors import camera, infrared, signals
-from epuck_sim.embodied.user_code import completion, run_sensor
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -106,32 +105,33 @@ def shipped_root(name: str) -> str:
 
 def controller_root(controller: Controller, sensors: tuple[Sensor, ...] = ()) -> Root:
     """Return the function (block, addresses, group) that runs a controller, whose group has `sensors` in files."""
-    names = _user_functions(controller, start=controller.start, step=controller.step)
-    types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
-    return _careful(bind(user_code.run_group, **names, **types, complete=completion(sensors))), _OF_GROUP
+    functions = {"start": controller.start, "step": controller.step}
+    values = {
+        "MEMORY": controller.memory,
+        "PARAMETERS": controller.parameter_type,
+        "complete": user_code.completion(sensors),
+    }
+    return _kernel_of(controller, user_code.run_group, functions, values), _OF_GROUP
 
 
 def sensor_root(sensor: Sensor) -> Root:
     """Return the function (block, addresses, sense) that reads a sensor for a group, as `OwnSensor` does."""
-    names = _user_functions(sensor, sense=sensor.sense)
-    types = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
-    return _careful(bind(run_sensor, **names, **types)), _OF_GROUP
+    values = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
+    return _kernel_of(sensor, user_code.run_sensor, {"sense": sensor.sense}, values), _OF_GROUP
 
 
 def curve_root(response: ResponseSection) -> Root:
     """Return the function (bytes, phase) of a user's response curve."""
     curve = find_curve(response.curve)
-    names = _user_functions(curve, _shift=curve.phase_shift)
-    return _careful(bind(phase_response.shift_at, **names, _PARAMETERS=phase_response.record_of(response))), _OF_CURVE
+    values = {"_PARAMETERS": phase_response.record_of(response)}
+    return _kernel_of(curve, phase_response.shift_at, {"_shift": curve.phase_shift}, values), _OF_CURVE
 
 
-def _user_functions(described: Any, **functions: Any) -> dict[str, Any]:
-    return dict(zip(functions, jit_functions(functions.values(), described.modules, described.name), strict=True))
-
-
-def _careful(function: Any) -> Any:
-    """Return a kernel of a user's file, in which errors are Python's and indices are checked."""
-    return SimpleNamespace(function=function, part=compile_part(function, error_model="python", boundscheck=True))
+def _kernel_of(user: Any, function: Any, functions: Mapping[str, Any], values: Mapping[str, Any]) -> Any:
+    """Return a function that calls those of a user's file, as a kernel with Python's errors and checked indices."""
+    compiled = dict(zip(functions, jit_functions(functions.values(), user.modules, user.name), strict=True))
+    bound = bind(function, **compiled, **values)
+    return SimpleNamespace(function=bound, part=compile_part(bound, error_model="python", boundscheck=True))
 
 
 # --- of a scenario's own files --------------------------------------------------------------------------

@@ -31,6 +31,9 @@ VALUE_FILES = (
 )
 """Files outside of rooms, or without kernels, on whose functions, constants, types or options compiled code depends."""
 
+WITHOUT_ALLOCATION = {"_nrt": False}
+"""Option of numba with which a function that allocates an array is refused, and nothing counts references."""
+
 _redirecting = threading.Lock()
 
 
@@ -122,15 +125,9 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
 class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
-    def __init__(self, function: Any, *, allocates: bool = True, **options: object) -> None:
-        self.function, self._allocates, self._given = function, allocates, options
+    def __init__(self, function: Any, **options: Any) -> None:
+        self.function, self._options = function, options
         self.__doc__ = function.__doc__
-
-    @property
-    def _options(self) -> dict[str, Any]:
-        from epuck_sim.util.native import WITHOUT_ALLOCATION
-
-        return self._given | ({} if self._allocates else WITHOUT_ALLOCATION)
 
     @cached_property
     def for_python(self) -> Any:
@@ -156,9 +153,9 @@ def jit(function: Function) -> Function:
 
 def jit_no_alloc(function: Function) -> Function:
     """Return a kernel that allocates no arrays, nor does what it calls: counting references takes long."""
-    return cast(Function, Kernel(function, allocates=False))
+    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION))
 
 
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
-    return cast(Function, Kernel(function, allocates=False, forceinline=True))
+    return cast(Function, Kernel(function, forceinline=True, **WITHOUT_ALLOCATION))

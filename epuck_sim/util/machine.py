@@ -84,15 +84,11 @@ def available_bytes() -> int:
     """Return how much more memory this process may take: what the machine, its control groups and its limits leave."""
     import psutil  # noqa: PLC0415 - which nothing else needs
 
-    left = psutil.virtual_memory().available
-    return max(0, min(int(left), *_of_limits(), *_of_cgroups(CGROUPS, _read("/proc/self/cgroup"))))
-
-
-def _of_limits() -> Iterator[int]:
-    """Yield what `ulimit -v` leaves."""
+    left = [int(psutil.virtual_memory().available), *_of_cgroups(CGROUPS, _read("/proc/self/cgroup"))]
     pages = _read("/proc/self/statm").split()
     if resource is not None and pages and (limit := resource.getrlimit(resource.RLIMIT_AS)[0]) >= 0:
-        yield limit - int(pages[0]) * mmap.PAGESIZE
+        left.append(limit - int(pages[0]) * mmap.PAGESIZE)  # what `ulimit -v` leaves
+    return max(0, min(left))
 
 
 def _of_cgroups(root: Path, groups: str) -> Iterator[int]:

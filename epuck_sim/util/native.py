@@ -69,9 +69,6 @@ ADDRESSES = types.Array(types.int64, 1, "C")  # numba's type of the addresses, i
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of numba's `njit` for functions that compiled code alone calls, which compile in two thirds of the time."""
 
-WITHOUT_ALLOCATION = {"_nrt": False}
-"""Option of numba with which a function that allocates an array is refused, and nothing counts references."""
-
 
 @lower_cast(types.float64, types.int64)  # type: ignore[untyped-decorator]
 def _to_whole_number(context: Any, builder: Any, _from: Any, to: Any, value: Any) -> Any:
