@@ -180,7 +180,8 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
         seed = None if seed is None else whole("seed", seed, 0)  # Gymnasium refuses numpy's numbers
         gymnasium.Env.reset(self, seed=seed, options=options)
         observations, infos = self._swarm.reset(seed)
-        self._show()
+        if self.render_mode == "human":
+            self.render()
         return observations[self._agent], infos[self._agent]
 
     def step(self, action: Any) -> tuple[Float32Array, float, bool, bool, dict[str, Any]]:
@@ -192,12 +193,9 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
         observation, reward, terminated, truncated, infos = (
             values[self._agent] for values in self._swarm.step({self._agent: action})
         )
-        self._show()
-        return observation, reward, terminated, truncated, infos
-
-    def _show(self) -> None:
         if self.render_mode == "human":
             self.render()
+        return observation, reward, terminated, truncated, infos
 
     def render(self) -> Picture | None:  # Gymnasium's is of any type
         """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""

@@ -141,10 +141,12 @@ def _floor(arena: Arena) -> list[tuple[float, float, float, float, int]]:
 
 
 def _swarms(scenario: EmbodiedScenario) -> dict[int, dict[str, Any]]:
-    """Return a swarm for each number of robots that the page offers, if they find room."""
-    own, found = scenario.robots[0].count, {}
-    for count in _counts(scenario):
-        with suppress(*[ScenarioError] * (count != own)):
+    """Return a swarm for each number of robots that finds room: the scenario's alone if they are given one by one."""
+    group, found = scenario.robots[0], {}
+    is_given = group.poses is not None or any(isinstance(value, list | tuple) for value in group.memory.values())
+    is_fixed = is_given or len(scenario.robots) > 1 or scenario.stop.reference_robot > 0
+    for count in sorted({group.count, *(() if is_fixed else COUNTS)}):
+        with suppress(*[ScenarioError] * (count != group.count)):
             found[count] = _swarm(scenario, count)
     return found
 
@@ -165,17 +167,15 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
             return controllers.get(groups.index(function), shipped_root(function.controller.name))
         return sensors[function.sensor] if isinstance(function, OwnSensor) else str(function.function.__name__)
 
+    streams = []  # of sensors' robots: their places in the block, and the keys that spawn them from a seed
+    for sensor in (function for function in functions.values() if isinstance(function, OwnSensor)):
+        first, end = sensor.streams_at
+        streams.append({"at": first, "bytes": end - first, "robot": sensor.robots.start, "keys": list(sensor.keys)})
     return {
         "block": base64.b64encode(block.tobytes()).decode(),
         "functions": {index: name_of(function) for index, function in functions.items()},
-        "streams": [_streams(function) for function in functions.values() if isinstance(function, OwnSensor)],
+        "streams": streams,
     }
-
-
-def _streams(sensor: OwnSensor) -> dict[str, Any]:
-    """Return the place of the streams of a sensor's robots in the block, and the keys that spawn them from a seed."""
-    first, end = sensor.streams_at
-    return {"at": first, "bytes": end - first, "robot": sensor.robots.start, "keys": list(sensor.keys)}
 
 
 def _view(scenario: EmbodiedScenario, view_deg: float) -> dict[str, Any]:
@@ -185,15 +185,6 @@ def _view(scenario: EmbodiedScenario, view_deg: float) -> dict[str, Any]:
     set_camera(camera[0], rays, section, scenario.group_kinds[0], scenario.timing.control_hz)
     numbers = {name: float(camera[0][name]) for name in ("left_rad", "pixels_per_rad", "half_view_rad")}
     return {"camera": numbers, "rays": np.column_stack([rays.cos, rays.sin]).ravel().tolist()}
-
-
-def _counts(scenario: EmbodiedScenario) -> tuple[int, ...]:
-    """Return the numbers of robots that a page offers: only the scenario's own if robots are given one by one."""
-    group = scenario.robots[0]
-    is_given = any(isinstance(value, list | tuple) for value in group.memory.values())
-    if len(scenario.robots) > 1 or group.poses is not None or is_given or scenario.stop.reference_robot > 0:
-        return (group.count,)
-    return tuple(sorted({*COUNTS, group.count}))
 
 
 def _has_free_sides(scenario: EmbodiedScenario) -> bool:

@@ -59,11 +59,9 @@ def write_page(
         ScenarioError: The scenario is not allowed, or cannot be a page; the message names the key.
         EpuckSimError: The page cannot be written.
     """
-
-    def make() -> str:
-        return make_page(load_scenario(scenario, settings, controller=controller), str(scenario), settings, controller)
-
-    write_html(path, make)
+    options = [("--controller", str(each)) for each in [controller] if each] + [("--set", each) for each in settings]
+    given = shlex.join([str(scenario), *chain.from_iterable(options)])
+    write_html(path, lambda: make_page(load_scenario(scenario, settings, controller=controller), given))
 
 
 class Shown:
@@ -80,18 +78,12 @@ class Shown:
         return f'<iframe title="swarm" {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 
-def make_page(
-    scenario: EmbodiedScenario | ParticleScenario,
-    source: str,
-    settings: Sequence[str] = (),
-    controller: str | Path | None = None,
-) -> str:
-    """Return the page of a scenario; `epuck-sim run` takes `source` with `key=value` settings; "" if there is none."""
+def make_page(scenario: EmbodiedScenario | ParticleScenario, given: str) -> str:
+    """Return the page of a scenario; `given` is the text that commands take for it; "" if there is none."""
     if scenario.model not in LINES:
         raise ScenarioError(f"{scenario.name}: model: pages run {' and '.join(LINES)} alone; use `epuck-sim run`")
     model: Model = scenario.model
-    options = [("--controller", str(each)) for each in [controller] if each] + [("--set", each) for each in settings]
-    data = page_data(scenario, shlex.join([source, *chain.from_iterable(options)]))
+    data = page_data(scenario, given)
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
     one = data["one"]
     policy = (
@@ -109,7 +101,7 @@ def make_page(
         "REFERENCE": f"{one} {data['facts'].get('reference', 0)}",
         "SWEEP": "" if data["speed"] else "hidden",
         "GIVEN": escape(data["given"]),
-        "COMMAND": "" if source else "hidden",
+        "COMMAND": "" if given else "hidden",
         "STYLE": style,
         "DATA": _packed(gzip.compress(json.dumps(data, allow_nan=False).encode(), 9, mtime=0)),
         "WASM": _packed(read_module(model)),
@@ -121,10 +113,7 @@ def make_page(
 
 
 def page_data(scenario: EmbodiedScenario | ParticleScenario, given: str) -> dict[str, Any]:
-    """Return the data of a page: facts of the swarm, values of all keys, and settings that can be changed.
-
-    `given` is the text that commands take for the scenario.
-    """
+    """Return the data of a page: facts of the swarm, values of all keys, and settings that can be changed."""
     if isinstance(scenario, EmbodiedScenario):
         facts = robots_facts(scenario)
         changes = robots_settings(scenario, robots_like("thesis", scenario.name), tuple(facts["swarms"]))

@@ -39,20 +39,14 @@ def cache_root(*, to_fill: bool = False) -> Path:
         reason = "other users can write to it"
     except (OSError, RuntimeError) as error:  # there is no home, or no room: compile once a machine, not once a run
         reason = getattr(error, "strerror", None) or str(error)
-    instead = _temporary_root()
+    instead = Path(tempfile.gettempdir()) / f"epuck-sim-{USER or 0}"  # compiled code of others must never be loaded
+    with suppress(OSError):
+        instead.mkdir(mode=0o700, exist_ok=True)
+    if not _is_private(instead):
+        instead = Path(tempfile.mkdtemp(prefix="epuck-sim-"))
     if chosen and not (to_fill and cache_root() == instead):  # which has said so
         warnings.warn(f"NUMBA_CACHE_DIR {chosen}: {reason}; compiled code is kept in {instead}", stacklevel=2)
     return instead
-
-
-def _temporary_root() -> Path:
-    """Return the user's own folder among temporary files; compiled code of others must never be loaded."""
-    folder = Path(tempfile.gettempdir()) / f"epuck-sim-{USER or 0}"
-    with suppress(OSError):
-        folder.mkdir(mode=0o700, exist_ok=True)
-        if _is_private(folder):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="epuck-sim-"))
 
 
 def is_ours(path: Path) -> bool:

@@ -9,6 +9,7 @@ import signal
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 
 from epuck_sim.errors import PortError
@@ -93,16 +94,10 @@ def available_bytes() -> int:
 
 def _of_cgroups(root: Path, groups: str) -> Iterator[int]:
     """Yield what each control group below `root` leaves; groups: this process's lines HIERARCHY:CONTROLLERS:PATH."""
-    for line in groups.splitlines():
-        _, controllers, path = line.split(":", 2)
-        if controllers in ("", "memory"):
-            inside = Path(path.lstrip("/"))
-            for folder in (inside, *inside.parents):
-                yield from _of_cgroup(root / controllers / folder)
-
-
-def _of_cgroup(folder: Path) -> Iterator[int]:
-    for limit_file, usage_file, droppable_key in _CGROUP_FILES:
+    ours = [line.split(":", 2) for line in groups.splitlines()]
+    inside = [(controllers, Path(path.lstrip("/"))) for _, controllers, path in ours if controllers in ("", "memory")]
+    folders = [root / controllers / folder for controllers, own in inside for folder in (own, *own.parents)]
+    for folder, (limit_file, usage_file, droppable_key) in product(folders, _CGROUP_FILES):
         limit, usage = _read(folder / limit_file).strip(), _read(folder / usage_file).strip()
         if limit.isdecimal() and usage.isdecimal():
             kept = dict(line.split() for line in _read(folder / "memory.stat").splitlines())
