@@ -20,7 +20,7 @@ from importlib import import_module
 from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,9 @@ try:
     attrgetter("make_function")(_dynfunc)
     attrgetter("RecordingListener", "register")(event)
     attrgetter("_load_index", "_load_data", "_data_path", "_open_for_write")(IndexDataCacheFile)
+    attrgetter("if_unlikely", "unpack_tuple", "pointer_add", "gep")(cgutils)
+    set_by_init = SimpleNamespace(**dict.fromkeys(IndexDataCacheFile.__init__.__code__.co_names))
+    attrgetter("_cache_path", "_index_name", "_index_path", "_source_stamp")(set_by_init)
     attrgetter("_optimize_final_module", "_finalize_final_module", "_get_module_for_linking")(JITCodeLibrary)
 except (ImportError, AttributeError) as error:
     said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"

@@ -78,7 +78,7 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
             assert {name for name, source in sources.items() if source not in covered | FREE} == set(), file
         assert found
     # the check finds a constant in a file that is not covered
-    found = sources_of(PACKAGE / "runs" / "share.py", "merge_folders")
+    found = sources_of(PACKAGE / "runs" / "compatibility.py", "merge_folders")
     assert found["DATABASE"] == PACKAGE / "runs" / "folder.py"
     assert found["DATABASE"] not in kernel_files("embodied")
 
@@ -249,10 +249,12 @@ def test_users_functions_multiply_matrices_though_scipy_s_are_loaded_then_alone(
 
 def test_another_numba_is_told_in_a_sentence_with_what_to_install(tmp_path) -> None:
     environment = os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{PACKAGE.parent}"}
-    lacking = "import numba.core.caching as lacking; del lacking.IndexDataCacheFile"
+    caching = "import numba.core.caching as lacking; lacking.IndexDataCacheFile"
+    lacking = caching.replace(" lacking.", " del lacking.")
     for other, said in (
         (lacking, "cannot import name 'IndexDataCacheF"),
         (f"{lacking}._data_path", "has no attribute '_data_path'"),
+        (f"{caching}.__init__ = lambda self: None", "has no attribute '_cache_path'"),
         ("import sys; sys.modules['numba'] = None", "import of numba halted"),
     ):
         (tmp_path / "sitecustomize.py").write_text(other)
