@@ -15,23 +15,21 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial, simulate
 from tests.benchmarks.measuring import cpu_s
 
-ROBOTS = {
-    robots: {
+SCENARIOS = {
+    f"{robots:,} robots": {
         "robots": [{"count": robots}],
         "arena": {"width_cm": side_cm, "height_cm": side_cm},
         "stop": {"order_parameter": 1.0, "max_cycles": cycles},
     }
     for robots, side_cm, cycles in [(10, 60, 10), (100, 221, 4), (1000, 700, 2)]
-}
-AGENTS = {
-    agents: {
+} | {
+    f"{agents:,} agents": {
         "model": "particles",
         "agents": {"count": agents},
         "stop": {"order_parameter": None, "max_cycles": cycles},
     }
     for agents, cycles in [(20, 300), (1000, 5)]
 }
-"""Scenarios by their number of robots or agents."""
 
 PAIRS = 5
 """Trials with and without a measure that take turns; their medians count."""
@@ -45,13 +43,13 @@ def with_measure(sections: dict[str, Any], name: str) -> Scenario:
     return load_scenario({**sections, "measures": [{name: parameters}]})
 
 
-def measured(all_sections: dict[int, dict[str, Any]]) -> list[tuple[int, str]]:
-    """Return the numbers of robots or agents with the names of the shipped measures that measure them."""
+def measured() -> list[tuple[str, str]]:
+    """Return the scenarios with the names of the shipped measures that measure them."""
     found = []
-    for (count, sections), name in product(all_sections.items(), SHIPPED):
+    for trials, name in product(SCENARIOS, SHIPPED):
         with suppress(ScenarioError):
-            with_measure(sections, name)
-            found.append((count, name))
+            with_measure(SCENARIOS[trials], name)
+            found.append((trials, name))
     return found
 
 
@@ -68,11 +66,6 @@ def compare(sections: dict[str, Any], name: str) -> tuple[float, float]:
 COLUMNS = "measure", "trials", "times as long", "us a step or cycle"
 
 
-@pytest.mark.parametrize(("robots", "name"), measured(ROBOTS))
-def test_measures_of_robots(show, robots: int, name: str) -> None:
-    show(COLUMNS, name, f"{robots:,} robots", *compare(ROBOTS[robots], name))
-
-
-@pytest.mark.parametrize(("agents", "name"), measured(AGENTS))
-def test_measures_of_agents(show, agents: int, name: str) -> None:
-    show(COLUMNS, name, f"{agents:,} agents", *compare(AGENTS[agents], name))
+@pytest.mark.parametrize(("trials", "name"), measured())
+def test_measures(show, trials: str, name: str) -> None:
+    show(COLUMNS, name, trials, *compare(SCENARIOS[trials], name))

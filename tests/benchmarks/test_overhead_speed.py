@@ -5,7 +5,7 @@ thesis's camera has 15 frames a second: what is tracked at 150 a second is track
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -60,14 +60,14 @@ def write(path: Path, frames: Iterator[Frame], size: tuple[int, int]) -> int:
     return count
 
 
-def make_counter(section: OverheadSection) -> RingCounter:
-    return RingCounter(Geometry(overhead_camera(section, 60, 60), (60.0, 60.0), "the section", True))
+def track(section: OverheadSection, frames: Iterable[Frame]) -> int:
+    counter = RingCounter(Geometry(overhead_camera(section, 60, 60), (60.0, 60.0), "the section", True))
+    return sum(1 for frame in frames if counter.process(frame) is not None)
 
 
-def track(path: Path, section: OverheadSection) -> int:
-    counter = make_counter(section)
+def read(path: Path) -> Iterator[Frame]:
     with open_film(str(path)) as film:
-        return sum(1 for frame in film.frames() if counter.process(frame) is not None)
+        yield from film.frames()
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -76,15 +76,11 @@ def test_frames_in_a_second(show, steps, tmp_path, size: str) -> None:
     section = OverheadSection(width_px=width, height_px=height)
     shown, path = steps[: 10 * FILM_S[size]], tmp_path / "film.mp4"
 
-    def read() -> int:
-        with open_film(str(path)) as film:
-            return sum(1 for _ in film.frames())
-
     works = (
         lambda: sum(1 for _ in rendered(section, shown)),
         lambda: write(path, rendered(section, shown), (width, height)),
-        read,
-        lambda: track(path, section),
+        lambda: sum(1 for _ in read(path)),
+        lambda: track(section, read(path)),
     )
     best = np.max([[rate(work) for work in works] for _ in range(4)], axis=0)  # other load can only make it slower
     show(COLUMNS, size, *best, best[3] / REAL_TIME)
@@ -105,10 +101,7 @@ def test_memory_of_an_hour(steps, tmp_path) -> None:
 
     long = ((0.1 * number, *steps[number % len(steps)][1:]) for number in range(10 * HOUR_S))
     assert write(path, noting("filming", rendered(section, long)), (240, 240)) == REAL_TIME * HOUR_S - 1
-    counter = make_counter(section)
-    with open_film(str(path)) as film:
-        for frame in noting("tracking", film.frames()):
-            counter.process(frame)
+    track(section, noting("tracking", read(path)))
     print()
     for doing, sizes in used.items():
         early, late = (max(part) / 1024 for part in (sizes[5:20], sizes[-15:]))
