@@ -1,7 +1,6 @@
 """What tests look at of single samples and curves, made of what the package has for many."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -32,24 +31,12 @@ def lognormal(mean: float, trials: int, seed: int) -> Measured:
     return measured(mean * np.random.default_rng(seed).lognormal(-0.08, 0.4, trials))
 
 
-class Weibull(NamedTuple):
-    """A Weibull distribution, F(t) = 1 - exp(-(t / scale) ^ shape)."""
-
-    scale: float
-    shape: float
-
-    @property
-    def mean(self) -> float:
-        with np.errstate(over="ignore"):
-            return float(np.exp(math.log(self.scale) + math.lgamma(1 + 1 / self.shape)))
-
-
-def fit_weibull(times, observed) -> Weibull | None:
-    """Return the distribution nearest to the Kaplan-Meier estimate (Appendix A), or None where none fits."""
+def fit_weibull(times, observed) -> tuple[float, float] | None:
+    """Return scale and shape of the Weibull distribution that is nearest to the Kaplan-Meier estimate, if one fits."""
     lines = local_fits(make_curve(times, observed))
     if not len(lines):
         return None
     offset, shape = lines[0].tolist()
     with np.errstate(over="ignore"):
         scale = float(np.exp(-offset / shape))
-    return Weibull(scale, shape) if scale < math.inf else None
+    return (scale, shape) if scale < math.inf else None

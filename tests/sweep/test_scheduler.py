@@ -33,6 +33,7 @@ from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.scheduler import CHUNK_S, ONE_THREAD, ChunkSizer, Pool, TaskQueue, local_pool, schedule
 from epuck_sim.sweep.worker import Task, make_outcome, run_chunk
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.util.machine import free_port
 from tests.cli.commands import call
 from tests.control.bench import EMPTY
 from tests.processes import start, wait_until
@@ -421,15 +422,9 @@ def test_what_was_under_way_when_all_workers_were_lost_is_run_again_and_blamed_f
         opened.append(1)
         yield Pool(Lost(), lambda: 4, (), (CancelledError, SchedulerGoneError))
 
-    queue = TaskQueue((task(trial) for trial in range(30)), 30)
-    outcomes = [*chain.from_iterable(schedule(queue, [task(0)], open_pool))]
+    outcomes = [*chain.from_iterable(schedule(queue(30), [task(0)], open_pool))]
     assert sorted(outcome.trial for outcome in outcomes) == list(range(30))
     assert len(opened) == 4
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return server.getsockname()[1]
 
 
 def cluster_process(*arguments: str | Path, folder: Path) -> subprocess.Popen:
