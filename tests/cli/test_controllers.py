@@ -119,9 +119,16 @@ def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path, monkeyp
     rings = SimpleNamespace(ring_on=np.array([[True, False], [True, True]]))
     for file in ("lit.py", tmp_path / "lit.py"):
         assert find_reward(file)(rings).tolist() == [0.5, 1]
+    said = called("new", "measure", "wandering")
+    assert said == "wandering.py: try it: epuck-sim run thesis --measure wandering.py\n"
+    assert (tmp_path / "wandering.py").read_text().count("#") > 5
+    for base in ("thesis", "particles"):
+        trial = read("run", base, "--set", "stop.max_cycles=3", "--measure", "wandering.py")
+        assert trial["measures"]["wandering"] > 0
     assert "epuck-sim replicate --claims mine.yaml --out mine" in called("new", "claims", "mine")
     claims = read_claims(tmp_path / "mine.yaml")
     assert needed_sweeps(claims, claims.choose(())).keys() == {"couplings"}
+    assert call("new").exit_code == 2
 
 
 def scene(folder: Path, line: str) -> Path:

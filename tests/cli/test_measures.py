@@ -36,21 +36,10 @@ def test_list_tells_the_shipped_measures_and_their_parameters():
         assert all(f"{name}: {default}" in line for name, default in find_measure(line.split()[0]).parameters.items())
 
 
-@pytest.mark.parametrize("scenario", ["thesis", "particles"])
-def test_new_writes_a_measure_that_runs_as_it_stands(scenario, tmp_path):
-    said = called("new", "measure", "wandering")
-    assert said == "wandering.py: try it: epuck-sim run thesis --measure wandering.py\n"
-    assert (tmp_path / "wandering.py").read_text().count("#") > 5
-    trial = read("run", scenario, *SHORT, "--measure", "wandering.py")
-    assert trial["measures"]["wandering"] > 0
-    assert call("new").exit_code == 2
-
-
 SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10]
 
 LAWS = {
     "number": lambda at, random: float(np.exp(1 - (np.log10(at.axes[SPEED]) - 0.2) ** 2 + random.normal(0, 0.05))),
-    "signed": lambda point, random: float(point.axes[SPEED] - 3 + random.normal()),
     "truth": lambda point, random: bool(random.random() < 0.1 * point.axes[COUNT]),
     "course": lambda _, random: random.normal(1, 0.1, random.integers(3, 7)).tolist(),
 }
@@ -82,17 +71,6 @@ def test_numbers_are_summarised_drawn_fitted_and_compared(here):
     compared = read("compare", folder, other, "--of", "number")
     assert (compared["of"], compared["compared"]) == ("number", 14)
     assert "Over all: B / A = " in called("compare", folder, other, "--of", "number")
-
-
-def test_numbers_that_are_not_positive_have_no_ratio_and_no_extremes(here):
-    folder = folder_of(here, "signed")
-    assert "not all values are positive, and the search is in logarithms" in called("fit", folder, "--of", "signed")
-    words = "compare", folder, "--of", "signed", "--axis", f"{SPEED}=0.1,10"
-    (point, *_) = read(*words)["points"]
-    assert point["ratio"]["value"] is None
-    assert point["difference"]["value"] == pytest.approx(9.9, abs=1)
-    assert point["p_value"] < 0.001
-    assert called(*words).splitlines()[-1].startswith("Over all: B - A = ")
 
 
 def test_truth_values_are_shares(here):

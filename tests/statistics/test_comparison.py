@@ -220,7 +220,7 @@ def test_a_p_value_of_which_no_permutation_is_as_large_is_shown_as_a_bound_and_o
 
 
 def test_the_interval_is_of_what_is_tested() -> None:
-    for low, tested, other in ((1, "ratio", "difference"), (-20, "difference", "ratio")):
+    for low, tested, other, shown in ((1, "ratio", "difference", "B / A"), (-20, "difference", "ratio", "B - A")):
         values = [[*range(low, 40 + low)], [*range(low, 80 + low, 2)]]
         points = in_memory(sweep({SPEED: [1, 2]}, trials=40), lambda _: ended([7] * 40))
         found = compared(*([point._replace(measured=tuple(each), of="x") for point in points] for each in values))
@@ -228,6 +228,7 @@ def test_the_interval_is_of_what_is_tested() -> None:
         assert getattr(found, tested).has_interval
         assert math.isnan(getattr(found, other).value)
         assert [getattr(found.points[0], name).has_interval for name in (tested, other)] == [True, False]
+        assert comparison_tables([found])[0].notes[-1].startswith(f"Over all: {shown} = ")
 
 
 def test_the_mean_of_differences_of_shares_has_every_point_and_of_one_is_that_ones() -> None:
