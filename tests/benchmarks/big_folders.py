@@ -65,7 +65,6 @@ def measure(*arguments: str) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    """Measure, and print a line for each command and number of trials."""
     for trials in map(int, sys.argv[2:]):
         folder = Path(sys.argv[1]) / str(trials)
         if not folder.exists():

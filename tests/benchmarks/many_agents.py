@@ -20,14 +20,12 @@ FIRINGS = 100_000
 
 
 def cost_ns(simulation: ParticleSimulation, periods: int) -> float:
-    """Return the CPU time of a firing in the next periods."""
     firings = simulation.firings
     spent_s = cpu_s(lambda: simulation.run(10**9, periods))
     return 1e9 * spent_s / max(simulation.firings - firings, 1)
 
 
 def main(speed: float, counts: list[int]) -> None:
-    """Print a line for each number of agents."""
     make_simulation(5000, NEAREST, 1000, speed, 0).run(1)  # compiles
     for agents in counts:
         began = time.process_time()

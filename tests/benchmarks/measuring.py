@@ -13,7 +13,6 @@ Work = Callable[[], object]
 
 
 def swarm_of(robots: int, side_cm: float, *settings: str) -> EmbodiedScenario:
-    """Return the thesis's scenario with so many robots in an arena of this size."""
     size = [f"robots.0.count={robots}", f"arena.width_cm={side_cm}", f"arena.height_cm={side_cm}"]
     return load_scenario("thesis", [*size, *settings])
 
@@ -50,7 +49,6 @@ def written(cell: object) -> str:
 
 
 def print_table(columns: tuple[str, ...], rows: list[tuple[object, ...]]) -> None:
-    """Print rows below the names of their columns."""
     cells = [[written(cell) for cell in row] for row in (columns, *rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     print()

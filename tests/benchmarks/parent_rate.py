@@ -68,7 +68,6 @@ def measure(folder: Path, trial_s: float) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    """Measure, and print a line for each length of trials."""
     for trial_s in TRIAL_S:
         by_cpu, by_wall, chunk = measure(Path(sys.argv[1]) / str(trial_s), trial_s)
         print(

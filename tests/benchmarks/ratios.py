@@ -127,7 +127,6 @@ def compare_agents(agents: int) -> tuple[float, float]:
 
 
 def read_history() -> list[dict[str, str]]:
-    """Return the lines that are kept, the oldest first."""
     if not HISTORY.exists():
         return []
     with HISTORY.open(encoding="utf-8", newline="") as file:
@@ -135,7 +134,6 @@ def read_history() -> list[dict[str, str]]:
 
 
 def write_history(lines: list[dict[str, str]]) -> None:
-    """Write all lines: a version, a date and ratios."""
     with HISTORY.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, ["version", "date", *SWARMS, *AGENTS], lineterminator="\n")
         writer.writeheader()
@@ -143,7 +141,6 @@ def write_history(lines: list[dict[str, str]]) -> None:
 
 
 def draw(lines: list[dict[str, str]]) -> None:
-    """Draw ratios over those of the first line."""
     figure = Figure(figsize=(6, 3.5), layout="constrained")
     axes = figure.subplots()
     for name in (*SWARMS, *AGENTS):
@@ -156,7 +153,6 @@ def draw(lines: list[dict[str, str]]) -> None:
 
 
 def main() -> None:
-    """Measure, print, keep and draw."""
     lines = read_history()
     released = next((line for line in reversed(lines) if "dev" not in line["version"]), {})
     line = {"version": __version__, "date": datetime.now(UTC).date().isoformat()}

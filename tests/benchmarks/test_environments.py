@@ -26,7 +26,6 @@ STARTS = "us to build a swarm", "to reset it", "built over reset"
 
 
 def repeat(step: Work, times: int) -> Work:
-    """Return work that is so many steps."""
 
     def steps() -> None:
         for _ in range(times):
@@ -43,7 +42,6 @@ def our_env(swarms: int, reward: str | Callable[[Any], Any] = "aggregation") -> 
 
 
 def random_step(env: Any) -> Work:
-    """Return the step of a batch of ours, with random actions."""
     return partial(env.step, env.action_space.sample())
 
 
@@ -72,7 +70,6 @@ def test_resets(show) -> None:
 
 
 def swarm_step(env: Any) -> Work:
-    """Return the step of a PettingZoo environment, with random actions."""
     env.reset(seed=1)
     return partial(env.step, {agent: env.action_space(agent).sample() for agent in env.agents})
 

@@ -31,7 +31,6 @@ TIMES_REAL_TIME = 10
 
 @pytest.fixture(scope="module")
 def steps() -> list[tuple]:
-    """A trial's times, poses and rings."""
     simulation = Simulation("thesis", seed=1)
     return [(step.time_s, step.poses.copy(), step.ring_on.copy()) for step in islice(simulation, 400)]
 
@@ -46,7 +45,6 @@ def rendered(section: OverheadSection, steps: list[tuple]) -> Iterator[Frame]:
 
 
 def rate(work) -> float:
-    """Return frames per second of CPU time of work that returns how many it had."""
     began = time.process_time()
     return work() / (time.process_time() - began)
 

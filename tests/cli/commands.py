@@ -31,7 +31,6 @@ def called(*arguments: str | Path, env: dict[str, str] | None = None) -> str:
 
 
 def read(*arguments: str | Path) -> Any:
-    """Return what a command that ends well prints with --json."""
     return json.loads(called(*arguments, "--json"))
 
 

@@ -184,7 +184,6 @@ def shelf(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def plain(shelf) -> dict[str, Any]:
-    """Return what `track` prints of the film of robots that flash together from 2 s on."""
     return tracked(shelf / "swarm.mp4")
 
 

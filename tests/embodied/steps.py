@@ -19,7 +19,6 @@ def bare_step(number: int, time_s: float, ring_on: BoolArray, phase_ms: Sequence
 
 
 def constant(poses, speed_cm_s=0.0, **parameters):
-    """Return a group of robots that drive straight ahead at a speed for ever."""
     parameters = {"left_cm_s": speed_cm_s, "right_cm_s": speed_cm_s, **parameters}
     return {"poses": poses, "controller": "constant", "parameters": parameters}
 
@@ -34,7 +33,6 @@ def kept(simulation, count):
 
 
 def bits(step):
-    """Return every bit of every array of a step, with types and shapes."""
     arrays = [np.array([step.number, step.time_s]), *(each for each in step if isinstance(each, np.ndarray))]
     return [(each.shape, each.dtype.str, each.tobytes()) for each in (*arrays, *step.memories)]
 

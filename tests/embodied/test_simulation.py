@@ -235,7 +235,6 @@ def test_many_resets_in_crowds_leave_no_body_behind():
 
 
 def drive(simulation, steps, chance):
-    """Command and change at random for some steps."""
     taken = []
     robots = len(simulation.external_wheels)
     for _ in range(steps):

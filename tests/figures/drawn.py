@@ -34,15 +34,12 @@ def note_figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
 
 def legend_texts(figure: Figure) -> list[str]:
-    """Return the texts of the legend below the panels; none without a legend."""
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
 def written(table: str) -> list[dict[str, str]]:
-    """Return the rows of a CSV file."""
     return list(csv.DictReader(StringIO(table)))
 
 
 def in_csv(*cells: Any) -> list[str]:
-    """Return a row as it is in a CSV file."""
     return [cell if isinstance(cell, str) else six_digits(cell) for cell in cells]

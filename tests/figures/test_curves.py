@@ -341,7 +341,6 @@ def test_a_series_is_the_mean_and_dashed_once_a_trial_has_ended_a_row_a_cycle_an
 
 
 def measured(law, trials=5):
-    """Return points with the values of a measure, in memory."""
     scenario = sweep({SPEED: [1, 2, 10], COUNT: [2, 4]}, trials=trials)
     random = np.random.default_rng(1)
     found = in_memory(scenario, lambda _: ended([7] * trials))

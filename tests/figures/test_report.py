@@ -48,7 +48,6 @@ class Page(HTMLParser):
 
 
 def rows_of(html: str) -> list[list[str]]:
-    """Return the cells of all rows of all tables."""
     rows = re.findall(r"<tr>(.*?)</tr>", html, re.DOTALL)
     return [re.findall(r"<t[dh][^>]*>(?:<code>)?(.*?)(?:</code>)?</t[dh]>", row) for row in rows]
 

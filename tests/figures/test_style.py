@@ -54,7 +54,6 @@ def contrast_with_white(colour: str) -> float:
 
 
 def lab(rgb: FloatArray) -> FloatArray:
-    """Return CIELAB coordinates of linear RGB."""
     ratio = TO_XYZ @ rgb / TO_XYZ.sum(axis=1)
     x, y, z = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / 3 * (29 / 6) ** 2 + 4 / 29)
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])

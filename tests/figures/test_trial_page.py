@@ -43,7 +43,6 @@ MIXED = {
 
 
 def recorded(path: Path, scenario: Any, seed: int = 0, level: Level = Level.POSES) -> Recorded:
-    """Return a trial that is recorded into a file."""
     recordings.recorded(path, load_scenario(scenario), seed, level)
     return read_recording(path)
 

@@ -28,12 +28,10 @@ PARTS = 10  # moments of an exposure
 
 
 def camera_of(side_cm: float = 60.0, **settings: Any) -> CameraModel:
-    """Return a camera with these settings above a square arena."""
     return overhead_camera(OverheadSection(**settings), side_cm, side_cm)
 
 
 def make_renderer(arena: Arena = ARENA, seed: int = 0, **settings: Any) -> tuple[CameraModel, Renderer]:
-    """Place a camera with these settings above an arena."""
     section = OverheadSection(**settings)
     camera = overhead_camera(section, arena.width_cm, arena.height_cm)
     return camera, Renderer(section, camera, arena, seed)
@@ -72,7 +70,6 @@ def picture_of(
 
 
 def rings_in(picture: Picture, **settings: Any) -> list[Ring]:
-    """Return the rings found in a picture by a camera with these settings."""
     levels, room_is_lit = ring_light(picture)
     return empty_arena(**settings)[0].find(levels, room_is_lit=room_is_lit)
 
@@ -109,12 +106,10 @@ def worst_cm(found: CameraModel, true: CameraModel) -> float:
 
 
 def floor_corners(camera: CameraModel) -> tuple[tuple[float, float], ...]:
-    """Return the pixels that show the floor's corners."""
     return tuple((x, y) for x, y in camera.project(FLOOR).tolist())
 
 
 def pixel_at(camera: CameraModel, x_cm: float, y_cm: float, z_cm: float = 0.0) -> tuple[int, int]:
-    """Return row and column of the pixel that shows a point."""
     column, row = np.rint(camera.project(np.array([[x_cm, y_cm, z_cm]]))[0]).astype(int)
     return int(row), int(column)
 

@@ -28,7 +28,6 @@ SMALL = {"width_px": 240, "height_px": 240, "frames_per_s": 30}
 
 
 def even(seconds: float, per_s: float = 30.0) -> FloatArray:
-    """Return the times of frames at an even rate."""
     return np.arange(round(seconds * per_s)) / per_s
 
 
@@ -44,7 +43,6 @@ def in_step(times_s: FloatArray, robots: int = len(PLACES), from_s: float = 2.0)
 
 
 def make_camera(**settings: Any) -> CameraModel:
-    """Return the camera of `shoot`."""
     return camera_of(**SMALL | settings)
 
 
@@ -118,7 +116,6 @@ def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None
 
 
 def described(**overhead: Any) -> dict[str, Any]:
-    """Return a description for a film by `shoot`."""
     section = OverheadSection(**SMALL | overhead)
     return {"epuck_sim": "0", "arena_cm": [60, 60], "robots": 6, "period_s": 1.0, "overhead": section.model_dump()}
 
@@ -153,8 +150,6 @@ def steady(phases_s: np.ndarray, period_s: float, seconds: float) -> np.ndarray:
 
 
 class Score(NamedTuple):
-    """How well rings were found, in one frame or in many."""
-
     found: int = 0
     missed: int = 0  # though lit for the whole exposure
     false: int = 0  # lit at no time of the exposure
@@ -211,8 +206,6 @@ BITS = 8
 
 
 class Kind(NamedTuple):
-    """A container and codec to write films with."""
-
     ending: str
     codec: str
     pixels: str
@@ -292,7 +285,6 @@ def write_sound(path: Path, codec: str = "pcm_s16le") -> Path:
 
 
 def cut_off(path: Path, share: float = 0.6) -> Path:
-    """Keep the first part of a file."""
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
     return path

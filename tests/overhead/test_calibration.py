@@ -33,7 +33,6 @@ def calibrated(film: Iterable[Frame], options: TrackOptions = TOLD, *most: float
 
 
 def plain(level: int, count: int) -> list[Frame]:
-    """Return frames of one grey."""
     return [Frame(number / 30, np.full((SIDE, SIDE, 3), level, np.uint8)) for number in range(count)]
 
 
@@ -155,7 +154,6 @@ VGA = {"width_px": 640, "field_of_view_deg": 61.0}
 
 
 def by_corners(corners, size=(480, 480), floor_cm=(60.0, 60.0), above_cm=110.0):
-    """Return the camera that follows from corners alone."""
     return fit_camera(size, floor_cm, above_cm, NO_RINGS, corners).camera
 
 
@@ -265,7 +263,6 @@ def test_finds_it_behind_robots_but_none_where_there_is_none():
 
 
 def seen_by(camera, centres=AT_RINGS[:, :2]):
-    """Return rings as a camera shows them."""
     places = camera.project(np.column_stack([centres, np.full(len(centres), epuck.RING_HEIGHT_CM)]))
     return expected_rings(camera, places, epuck.RING_RADIUS_CM)
 

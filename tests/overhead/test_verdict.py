@@ -49,7 +49,6 @@ class Coded:
 
 
 def coded(times_s: Iterable[float], counts: Iterable[int], lit_room: Iterable[bool]) -> Iterator[Frame]:
-    """Yield frames for `Coded`."""
     for time_s, count, lit in zip(times_s, counts, lit_room, strict=True):
         picture = np.zeros((16, 16, 3), np.uint8)
         picture[:] = 200 * lit
@@ -73,7 +72,6 @@ def make_counter() -> RingCounter:
 
 
 def analysed(times_s: Any, counts: Any, options: TrackOptions = TrackOptions(), lit_until_s: float = 0.0) -> Track:  # noqa: B008
-    """Return the track of a film with these counts."""
     counter = make_counter()
     for frame in coded(times_s, counts, np.asarray(times_s) < lit_until_s):
         counter.process(frame)

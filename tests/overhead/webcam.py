@@ -45,7 +45,6 @@ class Webcam(NamedTuple):
     quality: int = 80  # of the JPEG pictures that a webcam sends
 
     def scaled(self, factor):
-        """Return the same camera with fewer or more pixels."""
         width, height = (round(side * factor / 2) * 2 for side in self.size_px)
         return self._replace(size_px=(width, height), focal_px=self.focal_px * width / self.size_px[0])
 
@@ -62,7 +61,6 @@ class Webcam(NamedTuple):
         return seen.reshape(-1, 2)
 
     def floor_px(self, arena_cm):
-        """Return (4, 2) px: the floor's corners."""
         return self.project(np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (*arena_cm, 0), arena_cm)
 
 
@@ -85,7 +83,6 @@ class Swarm(NamedTuple):
         return self.homes_cm + swing.T, phase[0] + 0.4 * time_s
 
     def is_lit(self, time_s):
-        """Return (n,) whether each ring is on."""
         since = time_s - self.onsets_s
         return ((since >= 0) & (since < self.flash_s)).any(axis=0)
 

@@ -217,7 +217,6 @@ MAKING = ["epuck_sim", "pymunk", "numba", "numpy", "python", "host"]
 
 
 def exported(folder: Path) -> tuple[pa.Table, list[dict[str, str]]]:
-    """Return the table in Parquet, and the rows of that in CSV."""
     parquet, text = (folder.with_name(f"results.{kind}") for kind in ("parquet", "csv"))
     for target in (parquet, text):
         export(folder, target)

@@ -23,7 +23,6 @@ def times(values, limit: float = LIMIT) -> Measured:
 
 
 def truths(true: int, trials: int) -> Measured:
-    """Return so many truth values, of which some are true."""
     return measured(np.arange(trials) < true)._replace(is_share=True)
 
 

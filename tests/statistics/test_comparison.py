@@ -31,7 +31,6 @@ def folders(*sweeps) -> comparison.Samples:
 
 
 def compared(*sweeps) -> comparison.Comparison:
-    """Return the comparison of two sweeps."""
     (found,) = compare(folders(*sweeps))
     return found
 
@@ -127,7 +126,6 @@ def test_the_log_rank_test_is_lifelines(seed: int, mean: float) -> None:
 
 
 def log_ratio(x, y, axis):
-    """Return the studentised logarithm of the ratio of two means."""
     means = [each.mean(axis=axis) for each in (x, y)]
     variances = [each.var(axis=axis, ddof=1) / each.shape[axis] for each in (x, y)]
     parts = [variance / mean**2 for variance, mean in zip(variances, means, strict=True)]

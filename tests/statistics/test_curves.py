@@ -24,7 +24,6 @@ METRIC = "stop.metric"
 
 
 def with_axes(scenario_sweep: dict, trials: int = 5, **changes) -> list[PointTrials]:
-    """Return the points of a sweep, each with trials."""
     return in_memory(sweep(None, trials=trials, sweep=scenario_sweep, **changes), lambda point: weibull(point, 30))
 
 
@@ -156,7 +155,6 @@ def cubic(x, low=-0.5, peak=0.3, steepness=2.0):
 
 
 def certain(logs):
-    """Return means without noise, and their resamples."""
     return np.exp(logs), np.tile(np.exp(logs), (50, 1))
 
 

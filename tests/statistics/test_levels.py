@@ -125,7 +125,6 @@ def test_each_point_has_its_number_and_points_without_a_spread_none() -> None:
 
 
 def of_measure(*values_of_points):
-    """Return points of a sweep whose trials have these values."""
     scenario = sweep({SPEED: SPEEDS[: len(values_of_points)]})
     points = in_memory(scenario, lambda point: ended([7] * len(values_of_points[point.number])))
     return [point._replace(measured=tuple(values_of_points[point.number]), of="mine") for point in points]

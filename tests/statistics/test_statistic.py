@@ -38,7 +38,6 @@ from tests.statistics.fits import measured, truths
 
 
 def cut(values, limit: float, seed: int = 0) -> Measured:
-    """Return values that are censored at a limit."""
     return measured(np.minimum(values, limit), np.array(values) <= limit, limit, seed)
 
 

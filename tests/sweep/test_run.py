@@ -227,7 +227,6 @@ MOST, ASKED, MORE, TOO_MUCH = 67, "24%", "19%", "14%"
 
 
 def four_points(folder: Path, *changes: str) -> Scenario:
-    """Return a sweep of 4 points, with so many trials."""
     return load_scenario(short_sweep(folder, MOST), changes, [f"{SPEED}=4,12"])
 
 
