@@ -1,7 +1,10 @@
-"""Programs that some tests need and not every system has: without one its tests are skipped, but in CI they fail."""
+"""Programs that some tests need and not every system has: without one its tests are skipped, but in CI they fail; and
+disks that are full."""
 
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -16,3 +19,15 @@ def needs(program: str, package: str) -> pytest.MarkDecorator:
 
 needs_compiler = needs("cc", "gcc libc6-dev")
 needs_browser = needs("chromium", "chromium")
+
+
+@contextmanager
+def no_file_larger_than(size: int) -> Iterator[None]:
+    """Have this process write no file beyond so many bytes, as if the disk were full there."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

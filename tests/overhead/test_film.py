@@ -21,6 +21,7 @@ from epuck_sim.overhead.camera import Frame, Picture
 from epuck_sim.overhead.film import KEYFRAME_INTERVAL_S, TICKS_PER_S, FilmClock, film_file, open_film
 from tests.overhead import films as kit
 from tests.overhead.films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
+from tests.tools import no_file_larger_than
 
 UNEVEN = np.cumsum(np.random.default_rng(4).integers(4500, 8000, 60)).tolist()
 
@@ -345,12 +346,7 @@ def test_nothing_is_left_after_an_error(tmp_path: Path, frames: int, capfd: pyte
 
 @pytest.mark.parametrize("room", [0, 20_000])
 def test_full_disk_is_reported(tmp_path: Path, room: int) -> None:
-    resource = pytest.importorskip("resource")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
-    try:
-        with pytest.raises(EpuckSimError, match=r"film\.mp4: cannot be written: \w+"):
-            write(tmp_path / "film.mp4", noise(80))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    refusal = pytest.raises(EpuckSimError, match=r"film\.mp4: cannot be written: \w+")
+    with no_file_larger_than(room), refusal:
+        write(tmp_path / "film.mp4", noise(80))
     assert not list(tmp_path.iterdir())

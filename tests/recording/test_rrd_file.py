@@ -3,7 +3,6 @@ refused in words."""
 
 import os
 import re
-import resource
 import sys
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from epuck_sim.trial.model import Observer, run_trial
 from tests.processes import start, wait_until
 from tests.recording.recordings import recorded
 from tests.recording.viewers import replace_rerun
+from tests.tools import no_file_larger_than
 
 THESIS = load_scenario("thesis", ["stop.max_time_s=30", "stop.order_parameter=1"])
 
@@ -88,13 +88,8 @@ def test_where_there_is_no_room_nothing_is_left(tmp_path, part: str) -> None:
     assert room["layout"] < layout < room["data"] < whole - layout < room["whole"] < whole
     path.write_text("older")
     layout_file.cache_clear()  # it is made without a disk
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room[part], before[1]))  # of this process, and rerun within it
-    try:
-        with pytest.raises(EpuckSimError, match=r"t\.rrd: "):
-            record_thesis(path)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with no_file_larger_than(room[part]), pytest.raises(EpuckSimError, match=r"t\.rrd: "):
+        record_thesis(path)
     assert path.read_text() == "older"
     assert list(tmp_path.iterdir()) == [path]
 

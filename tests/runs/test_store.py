@@ -4,12 +4,11 @@ import json
 import math
 import random
 import re
-import resource
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,7 @@ from tests.cli.commands import contents
 from tests.control.bench import with_step
 from tests.runs import made_folders
 from tests.runs.made_folders import COUNT, DATABASE, DEMO, SPEED, fill, outcome, refusal, scenario_of, stored
-from tests.tools import needs_compiler
+from tests.tools import needs_compiler, no_file_larger_than
 
 OF_ROBOTS = [f"robots.0.parameters.{name}" for name in ("speed_cm_s", "period_s", "coupling", "refractory_fraction")]
 
@@ -278,17 +277,6 @@ def test_a_database_that_is_not_ours_or_is_damaged_is_refused_by_all_and_untouch
         after = contents(folder)
         assert {name: after.get(name) for name in before} == before
     assert not (tmp_path / "results.csv").exists()
-
-
-@contextmanager
-def no_file_larger_than(size: int) -> Iterator[None]:
-    """Have this process write no file beyond so many bytes, as if the disk were full there."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_where_the_disk_is_full_no_half_database_is_made_and_what_is_stored_stays_whole(tmp_path) -> None:
