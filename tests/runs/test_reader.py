@@ -8,7 +8,6 @@ import shutil
 import sqlite3
 import sys
 from contextlib import closing, contextmanager
-from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,12 +27,11 @@ from epuck_sim.runs.reader import Failure, Status, SweepTrials, TrialsByOrigin, 
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.sweep.run import run_sweep
-from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
 from tests.runs import made_folders
-from tests.runs.made_folders import COUNT, DATABASE, DEMO, SPEED, ended, fill, outcome, put, scenario_of, store, stored
+from tests.runs.made_folders import COUNT, DATABASE, DEMO, SPEED, ended, fill, outcome, put, scenario_of, store
 from tests.sweep.pool_here import pool_here
 
 MADE_BY = {**versions(), "host": host()}
@@ -320,13 +318,8 @@ SEED = 4111783006597517648
 """With which the first point of `DEMO` was resampled before there were signals, faults and schedules."""
 
 
-def run(folder, pool=pool_here, **changes):
-    given = {key: value for key, value in {**SCENARIO, **changes}.items() if value is not None}
-    run_sweep(load_scenario(given), folder, pool)
-
-
 def test_events_are_stored_read_and_exported_to_the_bit(tmp_path):
-    run(tmp_path)
+    run_sweep(load_scenario(SCENARIO), tmp_path, pool_here)
     (point,) = read_points(tmp_path)
     (only,) = points(load_scenario(SCENARIO))
     alone = tuple(run_trial(simulate(only.scenario, only.seed(trial))).events for trial in range(4))
@@ -336,29 +329,6 @@ def test_events_are_stored_read_and_exported_to_the_bit(tmp_path):
     table = pyarrow.csv.read_csv(tmp_path / "out.csv").to_pydict()
     expected = [[{**event._asdict(), "robots": list(event.robots)} for event in events] for events in alone]
     assert [json.loads(text) for text in table["events"]] == expected
-
-
-SWARM = {
-    "model": "particles",
-    "robots": None,
-    "faults": None,
-    "schedule": [
-        {"at_cycle": 2, "displace": {"by_cycles": "random"}},
-        {"at_s": 1.3, "set": {"agents.speed_cm_s": 9, "neighbourhood.k": 2}},
-    ],
-}
-
-
-@pytest.mark.parametrize(
-    ("changes", "pool"), [({}, partial(local_pool, 2)), (SWARM, pool_here)], ids=["robots", "agents"]
-)
-def test_events_are_equal_after_a_resume_with_any_workers(changes, pool, tmp_path):
-    run(tmp_path / "whole", **changes)
-    run(tmp_path / "parted", **changes, trials=1)
-    run(tmp_path / "parted", pool, **changes)
-    whole, parted = ([row["events"] for row in stored(tmp_path / name)] for name in ("whole", "parted"))
-    assert all(whole)
-    assert parted == whole
 
 
 def test_what_changes_is_resampled_apart_and_its_defaults_leave_seeds_as_they_were(tmp_path):

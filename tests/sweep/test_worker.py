@@ -34,7 +34,7 @@ SCENARIOS = {
         **SHORT,
         "model": "particles",
         "agents": {"count": 9, "speed_cm_s": 5},
-        "schedule": [{"at_cycle": 2, "set": {"agents.speed_cm_s": 50}}],
+        "schedule": [{"at_cycle": 2, "set": {"agents.speed_cm_s": 50}, "displace": {"by_cycles": "random"}}],
         "sweep": {"grid": {"response.coupling": [0.1, 0.3]}},
     },
     "agents like robots": {
