@@ -133,14 +133,6 @@ def charuco(columns, rows, is_legacy=False):
     return np.pad(drawn, SQUARE_PX, constant_values=255)
 
 
-def rays_of(matrix, coefficients, is_fisheye, size):
-    """Return (3, pixels) where each pixel looks, at distance 1 before the camera."""
-    columns, rows = np.meshgrid(np.arange(size[0], dtype=float), np.arange(size[1], dtype=float))
-    pixels = np.column_stack([columns.ravel(), rows.ravel()]).reshape(-1, 1, 2)
-    straighten = cv2.fisheye.undistortPoints if is_fisheye else cv2.undistortPoints
-    return np.vstack([straighten(pixels, matrix, coefficients).reshape(-1, 2).T, np.ones(len(pixels))])
-
-
 def show(board, rays, size, seed):
     """Return a grey picture of a board somewhere before the camera, pixel by pixel through the lens."""
     generator = np.random.default_rng(seed)
@@ -157,7 +149,10 @@ def show(board, rays, size, seed):
 
 def film_of(board, matrix, coefficients, is_fisheye=False, size=(640, 480), views=14):
     """Yield frames, a second apart, of a board that is moved."""
-    rays = rays_of(matrix, coefficients, is_fisheye, size)
+    columns, rows = np.meshgrid(np.arange(size[0], dtype=float), np.arange(size[1], dtype=float))
+    pixels = np.column_stack([columns.ravel(), rows.ravel()]).reshape(-1, 1, 2)
+    straighten = cv2.fisheye.undistortPoints if is_fisheye else cv2.undistortPoints
+    rays = np.vstack([straighten(pixels, matrix, coefficients).reshape(-1, 2).T, np.ones(len(pixels))])
     for seed in range(views):
         grey = show(board, rays, size, seed)
         yield Frame(float(seed), np.repeat(grey[..., None], 3, axis=2))

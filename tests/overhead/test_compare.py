@@ -19,8 +19,7 @@ from epuck_sim.overhead.tags import Readings
 from epuck_sim.overhead.track import Track
 from tests.overhead.films import TRACK
 
-ROBOTS = ["robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0"]
-SCENARIO = load_scenario("thesis", [*ROBOTS, "seed=3"])
+SCENARIO = load_scenario("thesis", ["count=4", "speed_cm_s=1.5", "period_s=2.0", "seed=3"])
 FILM = TRACK._replace(fps=15.0, duration_s=24.0, options=TRACK.options._replace(period_s=2.0))
 TAGGED = FILM._replace(tags=Readings(np.empty(0), np.empty(0, int), np.empty((0, 3))))
 

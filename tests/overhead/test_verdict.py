@@ -18,7 +18,7 @@ from epuck_sim.overhead import flashes, verdict
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import CORNERS, Frame, Light
 from epuck_sim.overhead.compare import track_trial
-from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, LightMeter, RingCounter
+from epuck_sim.overhead.flashes import CountedRings, Flash, FlashLinker, FlashTable, LightMeter, RingCounter
 from epuck_sim.overhead.rings import DISC_LIGHT, Ring, is_lit
 from epuck_sim.overhead.synchrony import evaluate, is_synchronised, spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
@@ -264,10 +264,8 @@ IN_TURN = (0.1 + np.arange(6)[:, None] + np.arange(4) / 5).ravel()
 def evidence(onsets=ONSETS, *, flash_s: float = 0.1, apart_cm: float = 12.0, **changes) -> Evidence:
     """Return that of four robots of a period of 1 s that flash together from 3.5 s on."""
     flashes = tuple(flash(onset, 10.0 + apart_cm * (k % 4), flash_s) for k, onset in enumerate(onsets))
-    return seen(Evidence(COUNTED, 0, 1.0, 0.05, None, 4, True)._replace(**changes), flashes, flash_s)
-
-
-COUNTED = flashes.CountedRings(240, TIMES, np.zeros(240, int), np.zeros(240, int), (), make_geometry())
+    unseen = CountedRings(240, TIMES, np.zeros(240, int), np.zeros(240, int), (), make_geometry())
+    return seen(Evidence(unseen, 0, 1.0, 0.05, None, 4, True)._replace(**changes), flashes, flash_s)
 
 
 def seen(known: Evidence, flashes: tuple[Flash, ...], flash_s: float = 0.1, area=None) -> Evidence:

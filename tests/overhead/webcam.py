@@ -20,7 +20,6 @@ LEDS = 8
 LED_CIRCLE_CM = 3.5
 LED_HEIGHT_CM = 4.0
 ROBOT_CM = 3.7
-RED = (1.0, 0.13, 0.08)
 
 
 class Webcam(NamedTuple):
@@ -34,7 +33,7 @@ class Webcam(NamedTuple):
     k1: float = 0.0
     is_fisheye: bool = False  # equidistant
     exposure: float = 1.0  # 1: red is just saturated on the LEDs
-    colour: tuple[float, float, float] = RED
+    colour: tuple[float, float, float] = (1.0, 0.13, 0.08)
     band: float = 0.45  # light between the LEDs
     glare: float = 0.05
     gloss: float = 0.0  # of the walls

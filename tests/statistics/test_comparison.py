@@ -266,14 +266,9 @@ def test_trials_that_ran_out_of_time_are_compared_by_their_ranks() -> None:
     assert found.p_value < min(point.p_value for point in found.points) < 0.01
 
 
-def three(key: str = COUNT, values=(2, 4, 8)):
-    """Return a sweep in which T_sync grows with the axis."""
-    grid = sweep({key: list(values), SPEED: [1, 2]}, trials=40)
-    return in_memory(grid, lambda point: weibull(point, 10 * point.axes[key]))
-
-
 def test_of_several_values_all_pairs_are_compared_or_each_with_the_first_and_p_values_corrected_for_all() -> None:
-    samples = match_values(three(), COUNT, [2, 4, 8])
+    grid = sweep({COUNT: [2, 4, 8], SPEED: [1, 2]}, trials=40)
+    samples = match_values(in_memory(grid, lambda point: weibull(point, 10 * point.axes[COUNT])), COUNT, [2, 4, 8])
     names = [f"{COUNT} = {value}" for value in (2, 4, 8)]
     assert [(each.a, each.b) for each in compare(samples)] == [*combinations(names, 2)]
     with_first = [(each.a, each.b) for each in compare(samples, with_first=True)]

@@ -1,7 +1,6 @@
 """Claims about curves: which points make one, where minimum and peak lie, how sure that is, or why there is none."""
 
 import math
-from collections.abc import Collection
 from functools import cache
 from types import SimpleNamespace
 
@@ -29,13 +28,6 @@ def with_axes(scenario_sweep: dict, trials: int = 5, **changes) -> list[PointTri
 
 def axes_of(made: list[PointTrials]) -> list[dict]:
     return [point.axes for point in made]
-
-
-def rows_of(*rows: dict, empty: Collection[int] = ()) -> list[PointTrials]:
-    """Return points with these axis values, whether a scenario has such keys or not, and one trial each, or none."""
-    (point,) = points(sweep(None))
-    numbered = (point._replace(number=number, axes=row) for number, row in enumerate(rows))
-    return [made_folders.of_point(each, ended([] if each.number in empty else [each.number + 1])) for each in numbered]
 
 
 def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
@@ -70,7 +62,9 @@ def test_the_statistic_of_a_point_has_the_name_that_its_censoring_makes() -> Non
 )
 @settings(max_examples=15)
 def test_every_point_with_trials_is_on_the_curve_of_its_other_axes_once(order, empty) -> None:
-    made = rows_of(*({"x": x, "y": y, "z": z} for x, y, z in order), empty=empty)
+    (point,) = points(sweep(None))
+    numbered = [point._replace(number=n, axes=dict(zip("xyz", axes, strict=True))) for n, axes in enumerate(order)]
+    made = [made_folders.of_point(each, ended([each.number + 1] * (each.number not in empty))) for each in numbered]
     expected: list[tuple[dict, dict]] = []
     for each in made:
         others = {"y": each.axes["y"], "z": each.axes["z"]}
