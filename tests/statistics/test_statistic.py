@@ -23,14 +23,12 @@ from epuck_sim.statistics.statistic import (
     estimate_mean,
     estimate_median,
     estimate_share,
-    measure_t_sync,
     resample,
     resample_means,
     share_difference,
     wilson_interval,
 )
 from epuck_sim.statistics.statistic import summarize as summaries_of
-from epuck_sim.statistics.survival import confidence_interval, median_time, weibull_mean, weibull_resamples
 from tests.cli.commands import called, cells
 from tests.runs import made_folders
 from tests.runs.made_folders import SPEED, censored, ended, in_memory, store, sweep, weibull
@@ -235,24 +233,6 @@ def of_measure(*values) -> SimpleNamespace:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     return store(tmp_path_factory.mktemp("mixed"), MIXED, mixed)
-
-
-def test_the_numbers_are_those_of_the_survival_functions_on_the_same_trials() -> None:
-    given_points = in_memory(MIXED, mixed)[:2]
-    assert not given_points[1].observed.all()
-    for point, summary in zip(given_points, summarize(given_points), strict=True):
-        trials = point.times, point.observed
-        restricted = estimate_mean(measure_t_sync(point))
-        expected = [
-            *(restricted.ends if point.observed.all() else [math.nan] * 3),
-            *median_time(*trials),
-            *restricted.ends,
-            weibull_mean(*trials),
-            *confidence_interval(weibull_resamples(*trials, seed=point.seed)),
-        ]
-        assert list(vars(summary).values())[4:16] == [number if math.isfinite(number) else None for number in expected]
-        assert (summary.point, summary.axes, summary.trials, summary.horizon) == (point.number, point.axes, 60, 100)
-        assert summary.censored == pytest.approx((~point.observed).mean())
 
 
 @given(st.lists(st.tuples(st.integers(1, 50), st.booleans()), max_size=25), st.randoms(use_true_random=False))
