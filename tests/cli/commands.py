@@ -69,5 +69,17 @@ def cells(stdout: str) -> list[list[str]]:
     return found
 
 
+def write_scene(folder: Path, controller: str, max_time_s: float) -> Path:
+    """Write a scenario of one robot with this controller."""
+    (folder / "mine.py").write_text(controller)
+    path = folder / "scene.yaml"
+    path.write_text(f"name: mine\nrobots: [{{controller: mine.py, count: 1}}]\nstop: {{max_time_s: {max_time_s}}}\n")
+    return path
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
 def contents(folder: Path) -> dict[str, bytes | None]:
     return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}

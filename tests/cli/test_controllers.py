@@ -3,7 +3,6 @@
 import re
 import sys
 from io import StringIO
-from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -17,7 +16,7 @@ from epuck_sim.replication.claims import read_claims
 from epuck_sim.replication.sweeps import needed_sweeps
 from epuck_sim.runs.reader import read_status
 from epuck_sim.util.messages import describe_error
-from tests.cli.commands import call, called, read, refused
+from tests.cli.commands import call, called, read, refused, write_scene
 from tests.control.bench import with_step
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -131,15 +130,6 @@ def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path, monkeyp
     assert call("new").exit_code == 2
 
 
-def scene(folder: Path, line: str) -> Path:
-    """Write a scenario of one robot whose controller does `line` in each step."""
-    strange = "class Strange(BaseException):\n    def __str__(self):\n        raise self\n"
-    (folder / "mine.py").write_text(f"import sys\n{with_step(line)}\n{strange}")
-    path = folder / "scene.yaml"
-    path.write_text("robots: [{controller: mine.py, count: 1}]\nstop: {max_time_s: 0.3}\n")
-    return path
-
-
 def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
     with pytest.raises(KeyboardInterrupt):
         describe_error(type("Slow", (Exception,), {"__str__": Mock(side_effect=KeyboardInterrupt)})())
@@ -147,16 +137,17 @@ def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
 
 @pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])
 def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, monkeypatch, capsys, line: str) -> None:
+    scene = write_scene(tmp_path, "import sys\n" + with_step(line), 0.3)
     monkeypatch.setattr(sys, "stdout", StringIO())
     with pytest.raises(SystemExit) as ended:
-        app(["run", str(scene(tmp_path, line)), "--interpret"])
+        app(["run", str(scene), "--interpret"])
     assert ended.value.code == 2
     assert capsys.readouterr().err == "error: the output cannot be written: it was closed\n"
 
 
 def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path) -> None:
-    line = "raise ValueError('\\ud800')"
-    result = call("run", scene(tmp_path, line), "--interpret", "--out", tmp_path / "run", "--trials", "2")
+    scene = write_scene(tmp_path, with_step("raise ValueError('\\ud800')"), 0.3)
+    result = call("run", scene, "--interpret", "--out", tmp_path / "run", "--trials", "2")
     assert result.exit_code == 1
     assert "--trial 1: " in result.stdout
     errors = [failure.error.rpartition("ValueError: ")[2] for failure in read_status(tmp_path / "run").failed]

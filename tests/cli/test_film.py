@@ -28,10 +28,10 @@ from epuck_sim.cli.tables import NAMES_WIDTH, print_track
 from epuck_sim.overhead import live, track
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import open_film
-from tests.cli.commands import call, called, refused, set_to, trials
-from tests.cli.films import frames_and_description, names
+from tests.cli.commands import call, called, names, refused, set_to, trials
 from tests.cli.test_help import LOADED
-from tests.overhead.films import PLACES, TRACK, described, even, in_step, read_rings, save, shoot
+from tests.overhead import films
+from tests.overhead.films import PLACES, TRACK, even, frames_and_description, in_step, read_rings, save, shoot
 from tests.processes import COMMAND, start, wait_until
 from tests.runs.made_folders import rows
 
@@ -178,7 +178,7 @@ def shelf(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("shelf")
     frames = shoot(TIMES, in_step(TIMES, ROBOTS), **SIZE)
     save(folder / "swarm.mp4", frames)
-    save(folder / "described.mp4", frames[:60], described(**SIZE) | {"robots": ROBOTS})
+    save(folder / "described.mp4", frames[:60], films.described(**SIZE) | {"robots": ROBOTS})
     return folder
 
 
@@ -269,7 +269,7 @@ def test_tags_tell_who_is_who(here) -> None:
     overhead = {"width_px": 320, "height_px": 320, "frames_per_s": FPS, "ambient": 0.2, "tags": "4X4_50", "tag_cm": 5}
     times = even(2.3, FPS)
     frames = shoot(times, in_step(times, ROBOTS), **overhead)[3:]
-    save(here / "tagged.mp4", frames, described(**overhead) | {"robots": ROBOTS})
+    save(here / "tagged.mp4", frames, films.described(**overhead) | {"robots": ROBOTS})
     result = call("track", "tagged.mp4", "--json", "--tags", f"4X4_50:0-{ROBOTS - 1}", "--trace", "trace.csv")
     assert result.stderr == ""  # white paper is no light
     found = json.loads(result.stdout)

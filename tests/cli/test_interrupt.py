@@ -21,7 +21,7 @@ from epuck_sim.cli import terminal
 from epuck_sim.cli.terminal import pressed_keys
 from epuck_sim.runs.folder import STORED
 from epuck_sim.runs.reader import read_status
-from tests.cli.commands import called
+from tests.cli.commands import called, write_scene
 from tests.control.bench import with_step
 from tests.processes import COMMAND, processes_marked, start, wait_until
 from tests.sweep.short_sweeps import short_sweep, stored
@@ -35,17 +35,10 @@ ENDLESS = with_step("""memory.x += 1
 """A controller that never returns from its sixth step."""
 
 
-def write_scene(folder: Path, controller: str = ENDLESS, max_time_s: float = 60) -> Path:
-    (folder / "mine.py").write_text(controller)
-    path = folder / "scene.yaml"
-    path.write_text(f"name: mine\nrobots: [{{controller: mine.py, count: 1}}]\nstop: {{max_time_s: {max_time_s}}}\n")
-    return path
-
-
 @pytest.fixture
 def scene(tmp_path) -> Path:
-    called("run", write_scene(tmp_path, max_time_s=0.3))  # which compiles what the trials need
-    return write_scene(tmp_path)
+    called("run", write_scene(tmp_path, ENDLESS, 0.3))  # which compiles what the trials need
+    return write_scene(tmp_path, ENDLESS, 60)
 
 
 def running(scene: Path, *arguments: str) -> subprocess.Popen:

@@ -1,6 +1,5 @@
 """The figure of a tracked film: which moments it shows, what stands beside it, and where it cannot be."""
 
-import csv
 from itertools import chain
 
 import numpy as np
@@ -16,7 +15,7 @@ from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import evaluate, is_synchronised
 from epuck_sim.overhead.track import Track
-from tests.overhead.films import TRACK, counted, even
+from tests.overhead.films import TRACK, counted, even, read_rings
 
 PERIOD = 5.0
 START = 2.0
@@ -126,8 +125,6 @@ def test_figure_and_table_are_written_for_films_of_any_length(tmp_path, film, sn
     assert sorted(tmp_path.iterdir()) == sorted(files)
     height, width, _ = image.imread(files[0]).shape
     assert (width, height) == ((1860, 1200) if snapshot else (1320, 1200))
-    header, *rows = csv.reader(files[1].read_text().splitlines())
-    assert tuple(header) == COLUMNS
-    for row, each in zip(rows, film.evaluations, strict=True):
+    for row, each in zip(read_rings(files[1]), film.evaluations, strict=True):
         expected = (each.time_s, (each.time_s - START) / PERIOD, each.rings, 1000 * each.spread_s)
-        assert [float(cell) for cell in row] == pytest.approx(expected, rel=1e-5)
+        assert row == pytest.approx(dict(zip(COLUMNS, expected, strict=True)), rel=1e-5)

@@ -47,11 +47,6 @@ class Page(HTMLParser):
             self.text.append(data)
 
 
-def rows_of(html: str) -> list[list[str]]:
-    rows = re.findall(r"<tr>(.*?)</tr>", html, re.DOTALL)
-    return [re.findall(r"<t[dh][^>]*>(?:<code>)?(.*?)(?:</code>)?</t[dh]>", row) for row in rows]
-
-
 def figures_of(html: str) -> list[str]:
     return re.findall(r'<figure><svg[^>]* id="([^"]*)"', html)
 
@@ -69,7 +64,8 @@ def html(folder) -> str:
 
 
 def test_it_has_the_numbers_of_summarize_and_says_what_was_run_and_how_to_run_trials_again(folder, html) -> None:
-    rows = rows_of(html)
+    cell = r"<t[dh][^>]*>(?:<code>)?(.*?)(?:</code>)?</t[dh]>"
+    rows = [re.findall(cell, row) for row in re.findall(r"<tr>(.*?)</tr>", html, re.DOTALL)]
     for point in summarize(read_points(folder)):
         (row,) = [cells for cells in rows if len(cells) == 8 and cells[0] == str(point.point)]
         assert row[3:5] == [str(point.trials), f"{100 * point.censored:.0f} %"]

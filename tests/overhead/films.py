@@ -14,7 +14,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import CameraModel, Frame, Geometry
-from epuck_sim.overhead.film import film_file
+from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.render import ExposureSample
 from epuck_sim.overhead.track import Track
 from epuck_sim.scenario.overhead import OverheadSection
@@ -113,6 +113,11 @@ def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None
         for frame in frames:
             writer.write(frame)
     return str(path)
+
+
+def frames_and_description(film: str | Path) -> tuple[list[Frame], dict[str, Any] | None]:
+    with open_film(str(film)) as opened:
+        return list(opened.frames()), opened.description
 
 
 def described(**overhead: Any) -> dict[str, Any]:

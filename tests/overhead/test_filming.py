@@ -31,9 +31,8 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.trial.model import run_trial
-from tests.cli.films import frames_and_description
 from tests.overhead.cameras import ARENA, CLEAN, EMPTY, make_renderer, pixel_at, shot, standing
-from tests.overhead.films import passed, read_rings, score_rows
+from tests.overhead.films import frames_and_description, passed, read_rings, score_rows
 
 SEED = 4  # with which flashes last two control steps each, and hardly overlap
 

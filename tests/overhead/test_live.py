@@ -24,9 +24,9 @@ from epuck_sim.overhead.calibration import RINGS, FilmMetadata, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.live import LiveCamera, LivePage, UnpluggedError, Watching, track_camera
 from epuck_sim.overhead.track import Track
-from tests.cli.films import frames_and_description
+from tests.overhead import films
 from tests.overhead.cameras import floor_corners
-from tests.overhead.films import LIT, SMALL, TIMES, even, in_step, make_camera, passed, read_rings, reel, shoot
+from tests.overhead.films import LIT, SMALL, TIMES, even, frames_and_description, passed, read_rings, reel, shoot
 
 SIZE = 64, 48  # columns and rows of the pictures that come first
 
@@ -141,7 +141,7 @@ def test_opencv_itself_says_nothing(capfd):
     assert cv2.utils.logging.getLogLevel() == level
 
 
-CORNERS_PX = floor_corners(make_camera())
+CORNERS_PX = floor_corners(films.make_camera())
 
 
 class Reel:
@@ -195,7 +195,7 @@ def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
 
 def test_a_dark_room_and_an_answer_that_is_believed_are_waited_for_and_said_to_be() -> None:
     times_s, told = even(5.5), []
-    camera = Reel(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
+    camera = Reel(shoot(times_s, films.in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
     track = watch(camera, TrackOptions(corners_px=CORNERS_PX, robots=6), told.append)
     assert told == ["the room is lit; tracking begins when it is dark, or after 30 s"]
     assert track.start_s == pytest.approx(1)

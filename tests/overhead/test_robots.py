@@ -1,6 +1,5 @@
 """Who is who in a film: by how robots move from flash to flash or by tags on top of them, and the tables of it."""
 
-import csv
 import math
 from itertools import permutations
 from pathlib import Path
@@ -26,6 +25,7 @@ from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.track import Track
 from tests.overhead.cameras import make_renderer
 from tests.overhead.films import TRACK, even
+from tests.runs.made_folders import rows
 
 FLOOR_CM = (60.0, 60.0)
 PERIOD_S = 5.0
@@ -345,14 +345,12 @@ def test_tables_are_written_as_csv_and_as_parquet_alike(tmp_path: Path) -> None:
     robots.save(tmp_path / "f.csv", tmp_path / "t.parquet", tmp_path / "p.csv")
     robots.save(tmp_path / "f.parquet", tmp_path / "t.csv", None)
     for name, expected in (("f", robots.flash_columns()), ("t", robots.trace_columns())):
-        table = pq.read_table(tmp_path / f"{name}.parquet")
-        with (tmp_path / f"{name}.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        assert table.column_names == list(rows[0]) == list(expected)
+        table, texts = pq.read_table(tmp_path / f"{name}.parquet"), rows(tmp_path / f"{name}.csv")
+        assert table.column_names == list(texts[0]) == list(expected)
         for column, values in expected.items():
             kept = np.array([np.nan if value is None else value for value in table[column].to_pylist()], float)
             assert kept == pytest.approx(values.astype(float), nan_ok=True)
-            words = [{"": "nan", "True": "1", "False": "0"}.get(row[column], row[column]) for row in rows]
+            words = [{"": "nan", "True": "1", "False": "0"}.get(row[column], row[column]) for row in texts]
             assert np.array(words, float) == pytest.approx(values.astype(float), nan_ok=True, rel=1e-5, abs=1e-6)
     assert table.schema.metadata[b"film"] == b"film.mp4"
 

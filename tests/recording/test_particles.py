@@ -21,7 +21,7 @@ from epuck_sim.recording.layers import UNLABELLED
 from epuck_sim.recording.rerun import run_rerun
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import simulate
-from tests.cli.films import frames_and_description
+from tests.overhead.films import frames_and_description
 from tests.particles.naive_model import receivers_of
 from tests.recording.recordings import Found, recorded
 

@@ -173,8 +173,6 @@ def edit(folder: Path, statement: str, *values: Any) -> None:
             sign(connection, table)
 
 
-CONTROLLER = "robots.0.controller"
-
 FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
 """Names of the files in a run folder without users' files."""
 

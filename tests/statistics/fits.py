@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 from epuck_sim.statistics.statistic import Measured
-from epuck_sim.statistics.survival import local_fits, make_curve
 
 LIMIT = 1000.0
 
@@ -28,14 +27,3 @@ def truths(true: int, trials: int) -> Measured:
 
 def lognormal(mean: float, trials: int, seed: int) -> Measured:
     return measured(mean * np.random.default_rng(seed).lognormal(-0.08, 0.4, trials))
-
-
-def fit_weibull(times, observed) -> tuple[float, float] | None:
-    """Return scale and shape of the Weibull distribution that is nearest to the Kaplan-Meier estimate, if one fits."""
-    lines = local_fits(make_curve(times, observed))
-    if not len(lines):
-        return None
-    offset, shape = lines[0].tolist()
-    with np.errstate(over="ignore"):
-        scale = float(np.exp(-offset / shape))
-    return (scale, shape) if scale < math.inf else None

@@ -15,7 +15,6 @@ from scipy.optimize import curve_fit
 
 from epuck_sim.statistics import survival
 from epuck_sim.statistics.survival import confidence_interval, make_curve, median_time, weibull_mean, weibull_resamples
-from tests.statistics.fits import fit_weibull
 
 whole_cycles = st.integers(1, 12) | st.integers(0, 10**7)
 trials = st.lists(st.tuples(whole_cycles, st.booleans()), min_size=1, max_size=40).map(
@@ -89,6 +88,17 @@ def test_the_restricted_mean_is_the_sum_of_what_is_left_in_each_cycle(given_tria
     assert survival.restricted_means(make_curve(times, observed), horizon)[0] == pytest.approx(
         float(sum(left)), rel=1e-12
     )
+
+
+def fit_weibull(times, observed) -> tuple[float, float] | None:
+    """Return scale and shape of the Weibull distribution that is nearest to the Kaplan-Meier estimate, if one fits."""
+    lines = survival.local_fits(make_curve(times, observed))
+    if not len(lines):
+        return None
+    offset, shape = lines[0].tolist()
+    with np.errstate(over="ignore"):
+        scale = float(np.exp(-offset / shape))
+    return (scale, shape) if scale < math.inf else None
 
 
 def squares(scale, shape, times, observed):
