@@ -1,4 +1,4 @@
-"""What benchmarks share: swarms, CPU time of pieces of work, threads and memory, and tables."""
+"""What benchmarks share: swarms, CPU time of pieces of work, memory, and tables."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -24,10 +24,10 @@ def cpu_s(work: Work) -> float:
     return time.process_time() - began
 
 
-def status(line: str) -> int:
-    """Return a number from the kernel's account of this process: kB, or threads."""
-    (found,) = (each for each in Path("/proc/self/status").read_text().splitlines() if each.startswith(line))
-    return int(found.split()[1])
+def resident_kb() -> int:
+    """Return how much memory this process takes."""
+    (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)
+    return int(line.split()[1])
 
 
 def take_turns(works: Mapping[str, Work], rounds: int) -> dict[str, FloatArray]:

@@ -34,27 +34,23 @@ def repeat(step: Work, times: int) -> Work:
     return steps
 
 
-def our_env(swarms: int, reward: str | Callable[[Any], Any] = "aggregation") -> Any:
-    """Return a batch of ours whose episodes do not end."""
+def our_step(swarms: int, reward: str | Callable[[Any], Any] = "aggregation") -> Work:
+    """Return the step of a batch of ours whose episodes do not end, with random actions."""
     env = vector_env(SWARM, swarms, seed=1, reward=reward, episode_s=float("inf"))
     env.reset()
-    return env
-
-
-def random_step(env: Any) -> Work:
     return partial(env.step, env.action_space.sample())
 
 
 @pytest.mark.parametrize("swarms", [1, 16, 256])
 def test_steps_of_environments(show, swarms: int) -> None:
     random, alone, times = np.random.default_rng(0), Simulation(SWARM, 1), max(1, 64 // swarms)
-    env = our_env(swarms, lambda situation: situation.time_s)
 
     def advance_alone() -> None:
         alone.command(*random.uniform(-12.8, 12.8, (2, AGENTS)))
         alone.advance(16)
 
-    works = {"ours": repeat(random_step(env), times), "alone": repeat(advance_alone, 10)}
+    ours = our_step(swarms, lambda situation: situation.time_s)
+    works = {"ours": repeat(ours, times), "alone": repeat(advance_alone, 10)}
     found = take_turns(works, ROUNDS)
     step_us = found["ours"] / times / swarms
     show(COLUMNS, swarms, np.median(step_us), np.median(step_us / found["alone"] * 160))
@@ -101,5 +97,5 @@ def test_beside_pettingzoos(show) -> None:
 @pytest.mark.parametrize("example", ["simple_spread", "navigation"])
 def test_beside_vmass(show, example: str, swarms: int, times: int) -> None:
     vmas = pytest.importorskip("vmas")
-    ours, theirs = random_step(our_env(swarms)), vmas_step(vmas, example, swarms)
-    compare(show, ours, theirs, f"VMAS's {example}", swarms, times=times)
+    theirs = vmas_step(vmas, example, swarms)
+    compare(show, our_step(swarms), theirs, f"VMAS's {example}", swarms, times=times)

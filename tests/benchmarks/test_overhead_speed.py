@@ -18,7 +18,7 @@ from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.filming import VirtualCamera
 from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.scenario.overhead import OverheadSection
-from tests.benchmarks.measuring import cpu_s, status
+from tests.benchmarks.measuring import cpu_s, resident_kb
 
 SIZES = {"480 x 480": (480, 480), "1080p": (1920, 1080)}
 FILM_S = {"480 x 480": 20, "1080p": 5}
@@ -89,7 +89,7 @@ def test_memory_of_an_hour(steps, tmp_path) -> None:
     def noting(doing: str, frames: Iterator[Frame]) -> Iterator[Frame]:
         for number, frame in enumerate(frames):
             if number % 500 == 0:
-                used[doing].append(status("VmRSS"))
+                used[doing].append(resident_kb())
             yield frame
 
     long = ((0.1 * number, *steps[number % len(steps)][1:]) for number in range(10 * HOUR_S))

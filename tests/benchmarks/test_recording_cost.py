@@ -8,7 +8,7 @@ import pytest
 from epuck_sim import Simulation, record
 from epuck_sim.recording import Level
 from epuck_sim.trial.embodied import SynchronyWatch
-from tests.benchmarks.measuring import status, swarm_of
+from tests.benchmarks.measuring import resident_kb, swarm_of
 
 SWARMS = {10: (60, 6000), 100: (221, 3000), 1000: (700, 600)}
 """Robots: side of their arena in cm, steps."""
@@ -46,7 +46,6 @@ def test_a_step_and_a_minute(show, tmp_path, robots: int, level: Level) -> None:
 
 
 def test_ten_hours(tmp_path) -> None:
-    """Memory after each simulated hour."""
     simulation = Simulation("thesis", 1)
     watch = SynchronyWatch(simulation)
     resident = []
@@ -55,7 +54,7 @@ def test_ten_hours(tmp_path) -> None:
             for step in islice(simulation, 36_000):
                 watch.look(step, is_firing=simulation.is_firing)
                 recorder(step, watch)
-            resident.append(status("VmRSS") / 1024)
+            resident.append(resident_kb() / 1024)
     size_mb = (tmp_path / "t.rrd").stat().st_size / 1e6
     print(f"\nten hours: {size_mb:.0f} MB; memory after each hour: {', '.join(f'{mb:.0f}' for mb in resident)} MB")
     assert resident[-1] <= 1.1 * resident[0]

@@ -25,6 +25,7 @@ from epuck_sim.sweep import scheduler
 from epuck_sim.sweep.looks import Looks
 from epuck_sim.sweep.run import SweepProgress, first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
+from tests.benchmarks.measuring import resident_kb
 from tests.cli.commands import call
 from tests.processes import processes_marked, start, wait_until
 from tests.runs.made_folders import PERIOD, SPEED, edit
@@ -200,11 +201,6 @@ def test_a_temporary_folder_whose_path_is_too_long_for_sockets_is_named(tmp_path
 def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
     found = points(load_scenario(short_sweep(tmp_path, 32)))
     tasks = [*missing_tasks(found, [range(32)] * POINTS, FinishedTrials([]), interpret=False)]
-
-    def resident_kb() -> int:
-        (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)
-        return int(line.split()[1])
-
     run_chunk(tasks[:100])
     before = resident_kb()
     run_chunk(tasks[100:250])

@@ -88,7 +88,6 @@ def test_a_robot_slides_along_what_it_touches_and_only_friction_turns_it(frictio
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 @pytest.mark.parametrize("obstacles", [([], []), PILLARS])
 def test_robots_move_as_pymunk_moves_them_when_all_are_in_its_space(friction, obstacles):
-    """Some are at rest, some slow, some quick."""
     random = np.random.default_rng(3)
     differences, free = [], 0
     for _ in range(15):

@@ -107,7 +107,6 @@ def test_whole_and_broken_phases_are_displaced_as_a_slow_twin_says(by_cycles, ro
 
 @pytest.mark.parametrize("obstacle", [[], [(20, 30, 7.5)]])
 def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_says(obstacle):
-    """The slow twin draws from numpy's generator until a place is free."""
     memory = {"phase_ms": [100, 200, 300, 400]}
     groups = [{"count": 3, "controller": "firefly"}, {"count": 4, "controller": "firefly", "memory": memory}]
     scenario = load_scenario({"robots": groups})
