@@ -103,81 +103,68 @@ class _Suspicion(Shipped):
     cycles: float = 2.0
     check, check_scenario = staticmethod(allowed(cycles=ABOVE_0)), staticmethod(check_sight)
     MODELS = ("embodied",)
-    _events = 0
+    _events, _steps, _alarms = 0, 0, 0
 
     def __post_init__(self) -> None:
         robots = len(self.simulation.period_ms)
         self._step_s = 1 / self.simulation.scenario.timing.control_hz
         self._period_s: FloatArray = self.simulation.period_ms / 1000
-        self._patience_s = self.cycles * self._period_s[:, None]
         self._dark_s = np.zeros((robots, robots))  # for which [robot] has had [other] in view without a flash
         self._suspects: BoolArray = np.zeros((robots, robots), bool)
         self._faults: IntArray = np.zeros(robots, np.int64)  # number of present faults that keep a robot from flashing
+        # steps in which each robot first did not flash, and in which it was first suspected then; -1 before
+        self._silent, self._found = np.full((2, robots), -1)
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        views = stretch.views
-        rows = rows_of_steps(views, stretch)
-        begun = np.zeros_like(self._suspects)
-        step = 0
-        while step < len(stretch.poses):
-            # the first step of a fault is watched by itself, to find robots that are already suspected
-            last = step + 1
-            if not self._note_faults(stretch.first + step):  # up to the next fault
-                later = (event.step - stretch.first for event in self.simulation.events[self._events :])
-                last = int(min([*later, len(stretch.poses)]))
-            seen = views, rows, stretch.ring_before, step, last
-            end = watch(self._dark_s, self._suspects, begun, self._patience_s, self._step_s, *seen)
-            self.take(begun, (stretch.first + end - 1) * self.simulation.step_s, end - step)
-            step = end
-
-    def _note_faults(self, step: int) -> bool:
-        """Update faults for a step, and return whether anything has changed."""
-        events = [event for event in self.simulation.events[self._events :] if event.step <= step]
-        for event in events:
+        steps, views = len(stretch.poses), stretch.views
+        faults = np.tile(self._faults, (steps, 1))
+        for event in self.simulation.events[self._events :]:
+            if event.step >= stretch.first + steps:
+                break
+            self._events += 1
             kind, _, change = event.what.partition(" ")
             if kind in FLASHLESS:
-                self._faults[list(event.robots)] += 1 if change == "begins" else -1
-        self._events += len(events)
-        return bool(events)
-
-    def take(self, begun: BoolArray, time_s: float, steps: int) -> None:
-        """Record steps up to a time, and the (robots, robots) suspicions that begin in the last of them."""
-        raise NotImplementedError
+                faults[max(event.step - stretch.first, 0) :, list(event.robots)] += 1 if change == "begins" else -1
+        states = self._dark_s, self._suspects, self._silent, self._found
+        seen = views, rows_of_steps(views, stretch), stretch.ring_before, faults
+        self._alarms += watch(*states, self.cycles * self._period_s, self._step_s, *seen, stretch.first)
+        self._steps += steps
+        self._faults = faults[-1]
 
 
 @jit
 def watch(
     dark_s: FloatArray,
     suspects: BoolArray,
-    begun: BoolArray,
+    silent: IntArray,
+    found: IntArray,
     patience_s: FloatArray,
     step_s: float,
     views: IntArray,
     ends: IntArray,
     is_lit: BoolArray,
+    faults: IntArray,
     first: int,
-    end: int,
 ) -> int:
-    """Update suspicions from step `first` until one begins, or up to `end`; return the step after the last one.
+    """Update suspicions in the steps of a `Stretch`, from step `first` on; return how many begin of robots that flash.
 
-    Updates `dark_s`, (robots, robots) s for which each has had each other in view without a flash; `suspects`, who
-    suspects whom; and `begun`, suspicions that begin in the last step. `patience_s` is (robots, 1). `views` are those
-    of a `Stretch`; those of each step begin at its row in `ends` (steps + 1,). `is_lit` are (steps, robots) rings that
-    show lit.
+    Updates the states of a `_Suspicion`. `patience_s` is (robots,). `views` are those of the stretch; those of each
+    step begin at its row in `ends` (steps + 1,). `is_lit` are (steps, robots) rings that show lit, and `faults` numbers
+    of faults that keep them dark.
     """
-    begun[:] = False
-    for step in range(first, end):
-        is_any = False
+    alarms = 0
+    for step in range(len(is_lit)):
         for row in range(ends[step], ends[step + 1]):
             robot, other = views[row, 1], views[row, 2]
             dark_s[robot, other] = 0.0 if is_lit[step, other] else dark_s[robot, other] + step_s
-            is_suspect = dark_s[robot, other] >= patience_s[robot, 0] - HALF_A_MILLISECOND
-            if is_suspect and not suspects[robot, other]:
-                begun[robot, other] = is_any = True
+            is_suspect = dark_s[robot, other] >= patience_s[robot] - HALF_A_MILLISECOND
+            alarms += is_suspect and not suspects[robot, other] and not faults[step, other]
             suspects[robot, other] = is_suspect
-        if is_any:
-            return step + 1
-    return end
+        for robot in range(len(found)):
+            if faults[step, robot]:
+                silent[robot] = first + step if silent[robot] < 0 else silent[robot]
+                found[robot] = first + step if found[robot] < 0 and suspects[:, robot].any() else found[robot]
+    return alarms
 
 
 class DetectionDelay(_Suspicion):
@@ -185,31 +172,17 @@ class DetectionDelay(_Suspicion):
 
     UNIT = "cycles"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._since_s, self._delay = np.full((2, len(self._period_s)), np.nan)
-
-    def take(self, _: BoolArray, time_s: float, steps: int) -> None:  # noqa: ARG002 are for the other
-        """Record which robots have stopped flashing, and which of these are suspected for the first time."""
-        self._since_s[(self._faults > 0) & np.isnan(self._since_s)] = time_s
-        found = (self._faults > 0) & self._suspects.any(axis=0) & np.isnan(self._delay)
-        self._delay[found] = (time_s - self._since_s[found]) / self._period_s[found]
-
     def value(self) -> float | None:
         """Return the mean; None if no robot stopped flashing, or one that did was never suspected."""
-        delays = self._delay[~np.isnan(self._since_s)]
-        return None if not len(delays) or np.isnan(delays).any() else float(delays.mean())
+        stopped, step_s = self._silent >= 0, self.simulation.step_s
+        delays = (self._found * step_s - self._silent * step_s) / self._period_s
+        return float(delays[stopped].mean()) if stopped.any() and (self._found[stopped] >= 0).all() else None
 
 
 class FalseAlarms(_Suspicion):
     """Suspicions of robots that do flash, per robot and hour (robots)."""
 
     UNIT = "1/h"
-    _alarms, _steps = 0, 0
-
-    def take(self, begun: BoolArray, _: float, steps: int) -> None:
-        self._alarms += int(begun[:, self._faults == 0].sum())
-        self._steps += steps
 
     def value(self) -> float | None:
         """Return the mean number; None before the first step."""
