@@ -43,17 +43,20 @@ def change_faults(swarm: Arrays, time_ms: float) -> Iterator[tuple[int, int, boo
 
     The swarm is one that has been observed at this time.
     """
-    faults, affected = _records(swarm)
-    before, phases = affected.is_active.copy(), np.empty(affected.size)
-    _change_each(faults, swarm.affected, time_ms, phases)
-    phases = phases.reshape(affected.shape)
+    faults: RecordArray = swarm.faults
+    affected: RecordArray = swarm.affected.reshape(len(faults), -1)
+    before, phases, now = affected.is_active.copy(), np.empty(affected.shape), swarm.scene.now
+    _change_each(faults, affected, time_ms, phases)
     swarm.is_mute[:] = _have(swarm, RING_DEAD)
     swarm.is_deaf[:] = _have(swarm, CAMERA_BLIND) | _have(swarm, OSCILLATOR_FROZEN)
     drifts = faults.kind == CLOCK_DRIFT
     rates = np.where(affected.is_active[drifts], faults.strength[drifts, None], 1.0).prod(axis=0)
-    _set_periods(swarm, swarm.base_period / (rates * np.where(_have(swarm, OSCILLATOR_FROZEN), FROZEN_RATE, 1.0)))
+    periods = swarm.base_period / (rates * np.where(_have(swarm, OSCILLATOR_FROZEN), FROZEN_RATE, 1.0))
+    other, left = periods != swarm.period, (swarm.next_firing - now) * (periods / swarm.period)
+    swarm.next_firing[other] = now + left[other]  # clocks go on at other rates from the phases where they are
+    swarm.period[:] = periods
     restarted, phase = (phases >= 0).any(axis=0), phases.max(axis=0)
-    swarm.next_firing[restarted] = swarm.scene.now + ((1 - phase) * swarm.period)[restarted]
+    swarm.next_firing[restarted] = now + ((1 - phase) * periods)[restarted]
     forget_earliest(swarm)
     if (faults.kind == WHEELS_DEAD).any():
         stop_at_present(swarm, speeds_with_faults(swarm, swarm.base_speed))
@@ -76,29 +79,16 @@ def speeds_with_faults(swarm: Arrays, speeds: FloatArray) -> FloatArray:
 
 def _have(swarm: Arrays, kind: int) -> BoolArray:
     """Return (agents,) whether each agent has a fault of this kind."""
-    faults, affected = _records(swarm)
-    has: BoolArray = affected.is_active[faults.kind == kind].any(axis=0)
+    is_active = swarm.affected["is_active"].reshape(len(swarm.faults), -1)
+    has: BoolArray = is_active[swarm.faults["kind"] == kind].any(axis=0)
     return has
-
-
-def _records(swarm: Arrays) -> tuple[RecordArray, RecordArray]:
-    """Return the faults, and their states as (faults, agents)."""
-    return swarm.faults, swarm.affected.reshape(len(swarm.faults), -1)
-
-
-def _set_periods(swarm: Arrays, periods: FloatArray) -> None:
-    """Let clocks go on at other rates, from the phases where they are."""
-    other, now = periods != swarm.period, swarm.scene.now
-    left = (swarm.next_firing - now) * (periods / swarm.period)
-    swarm.next_firing[other] = now + left[other]
-    swarm.period[:] = periods
 
 
 @jit
 def _change_each(faults: RecordArray, affected: RecordArray, time_ms: float, phases: FloatArray) -> None:
-    agents = len(affected) // len(faults)
-    for place in range(len(affected)):
-        phases[place] = change_until(faults[place // agents], affected[place], time_ms)
+    for fault in range(len(faults)):
+        for agent in range(affected.shape[1]):
+            phases[fault, agent] = change_until(faults[fault], affected[fault, agent], time_ms)
 
 
 @jit_no_alloc
