@@ -19,18 +19,19 @@ NEVER = 2**62  # number of a firing that no trial reaches
 
 
 class ConditionWatch:
-    """Checks a condition on the values of a measure until it has held."""
-
-    has_held = False
+    """An observer that checks a condition on the values of a measure until it has held."""
 
     def __init__(self, condition: Condition, for_cycles: int | None) -> None:
         self.measure = condition.measure
+        self.value: Callable[[], Value] | None = None  # returns the measure's value; None for the order parameter
+        self.has_held = False
         # whether to check only at firings of the reference, rather than whenever the measure is updated
         self.counts_firings = for_cycles is not None
         self._condition, self._needed, self._in_a_row = condition, for_cycles or 1, 0
 
-    def look(self, value: Value) -> None:
-        """Check a value; where it is undetermined, the condition does not hold."""
+    def __call__(self, _: Any, state: TrialState) -> None:
+        """Check the present value; where it is undetermined, the condition does not hold."""
+        value = state.order_parameter if self.value is None else self.value()
         holds = isinstance(value, int | float) and self._condition.holds(value)
         self._in_a_row = self._in_a_row + 1 if holds else 0
         self.has_held = self.has_held or self._in_a_row >= self._needed
@@ -54,9 +55,8 @@ class Measuring:
         self._entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
         for section in scenario.measures:
             self._begin(section.find(), section.parameters, simulation)
-        for watch in self._watches.values():
-            if watch.measure not in self._values:  # the order parameter, which every trial measures
-                self.at_cycles.append(partial(_look_at_order, watch))
+        # those of the order parameter, which every trial measures
+        self.at_cycles += [watch for watch in self._watches.values() if watch.value is None]
 
     def _begin(self, measure: Measure, parameters: Mapping[str, Parameter], simulation: Any) -> None:
         origin = f"{simulation.scenario.name}: measure {measure.name}, seed {simulation.seed}"
@@ -66,16 +66,17 @@ class Measuring:
             return
         instance = _call(measure, origin, make)
         self._values[measure.name] = _checked(measure, origin, instance.value, as_value)
-        last = _checked(measure, origin, instance.value, last_scalar)
         watches = [watch for watch in self._watches.values() if watch.measure == measure.name]
+        for watch in watches:
+            watch.value = _checked(measure, origin, instance.value, last_scalar)
         event_method = simulation.scenario.event_method
         for method, observers in ((event_method, self.at_events), (CYCLE_METHOD, self.at_cycles)):
             if measure.is_told(method):
                 told_by = measure.told_by(method)
                 tells = self.at_stretches if told_by == STRETCH_METHOD else observers
                 tells.append(partial(_call, measure, origin, getattr(instance, told_by)))
-                observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
-        self.at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
+                observers += [watch for watch in watches if not watch.counts_firings]
+        self.at_cycles += [watch for watch in watches if watch.counts_firings]
 
     def is_over(self) -> bool:
         """Return whether the condition that ends the trial has held, if there is one."""
@@ -97,14 +98,6 @@ class Measuring:
     def values(self) -> dict[str, Value]:
         """Return the value of each measure by its name; the trial must be over."""
         return {name: value() for name, value in self._values.items()}
-
-
-def _look_at_order(watch: ConditionWatch, _: Any, state: TrialState) -> None:
-    watch.look(state.order_parameter)
-
-
-def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:
-    return lambda *_: watch.look(value())
 
 
 def _checked(
@@ -158,9 +151,8 @@ def _as_scalar(given: Any) -> Scalar:
     if isinstance(plain, float) and math.isnan(plain):
         return None
     if not isinstance(plain, int | float):
-        said = (
-            f"{short_repr(given)}, a {type(given).__name__}; allowed: a number, true or false, None, or a list of them"
-        )
+        allowed = "a number, true or false, None, or a list of them"
+        said = f"{short_repr(given)}, a {type(given).__name__}; allowed: {allowed}"
     elif abs(plain) == math.inf:
         said = f"{plain}; allowed: finite numbers, and None where it is undetermined"
     else:
