@@ -17,6 +17,7 @@ the order in which pulses are delivered makes no difference.
 import math
 
 from epuck_sim.arrays import ByteArray, IndexArray, IntArray
+from epuck_sim.particles import swarm
 from epuck_sim.particles.motion import advance_all, compute_positions, first_to_end, time_of_end
 from epuck_sim.particles.neighbours import find_receivers
 from epuck_sim.particles.oscillators import (
@@ -29,17 +30,7 @@ from epuck_sim.particles.oscillators import (
     set_next_firing,
 )
 from epuck_sim.particles.phase_response import phase_after_pulse
-from epuck_sim.particles.swarm import (
-    CONTINUE,
-    HEAR,
-    REORIENT,
-    Instant,
-    Neighbours,
-    Observed,
-    Oscillators,
-    Trajectories,
-    entry_of,
-)
+from epuck_sim.particles.swarm import Instant, Neighbours, Observed, Oscillators, Trajectories, entry_of
 from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import call, carve, unlikely
 
@@ -63,7 +54,7 @@ def advance(block: ByteArray, addresses: IntArray) -> None:
             break
         fire(block, addresses, oscillators, neighbours, instant, time)
         if unlikely(reorients):
-            call(addresses[REORIENT], block, addresses, 0, time)
+            call(addresses[swarm.REORIENT], block, addresses, 0, time)
         scene.instants += 1
         scene.firings += scene.fired
         is_measured = True
@@ -111,14 +102,14 @@ def fire(
     for index in range(fired_count):
         is_done[fired[index]] = True
     done, sent, refractory = fired_count, 0, response.refractory
-    has_faults = addresses[HEAR] != 0
+    has_faults = addresses[swarm.HEAR] != 0
     last_done = agents + scene.sends_every_pulse  # out of reach if every pulse is to be sent
     while sent < fired_count and done < last_done:
         agent = entry_of(fired, sent)
         row = find_receivers(block, addresses, neighbours, agent, time)
         receivers = neighbours.members[row : row + neighbours.counts[agent]]
         if unlikely(has_faults):
-            call(addresses[HEAR], block, addresses, agent, time)
+            call(addresses[swarm.HEAR], block, addresses, agent, time)
             receivers = instant.heard[: scene.heard]
         if unlikely(scene.reorients_on_arriving):
             note_arrivals(block, receivers)
@@ -179,7 +170,7 @@ def turn_if_next(block: ByteArray, addresses: IntArray) -> int:
         return -1
     scene.now = end
     scene.is_synchronised = False
-    call(addresses[CONTINUE], block, addresses, agent, -math.inf)
+    call(addresses[swarm.CONTINUE], block, addresses, agent, -math.inf)
     scene.earliest_end = time_of_end(trajectories, first_to_end(trajectories))
     return agent
 

@@ -15,42 +15,17 @@ from numba import types
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
 from epuck_sim.faults import set_faults
+from epuck_sim.particles import swarm
 from epuck_sim.particles.events import advance
 from epuck_sim.particles.faults import keep_heard
 from epuck_sim.particles.motion import begin_motion, begin_run, continue_trajectory, random_heading, reorient_agents
 from epuck_sim.particles.neighbours import RANDOM, neighbourhood_of, search_of
 from epuck_sim.particles.oscillators import BRANCHES, FLAT, METRIC_CODES, forget_earliest, max_phase_offset
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
-from epuck_sim.particles.swarm import (
-    BEGIN_RUN,
-    CALLS,
-    CONTINUE,
-    CURVE,
-    HEAR,
-    REORIENT,
-    SEARCH,
-    Arrays,
-    Neighbours,
-    Observed,
-    Oscillators,
-    Trajectories,
-    aligned_bytes,
-    make_block,
-)
+from epuck_sim.particles.swarm import Arrays, Neighbours, Observed, Oscillators, Trajectories, aligned_bytes, make_block
 from epuck_sim.scenario.particles import AgentsSection, ParticleScenario, RandomAgents
+from epuck_sim.util import generators
 from epuck_sim.util.elementary import exp, log
-from epuck_sim.util.generators import (
-    DRAW_BEGIN,
-    GENERATOR_WORDS,
-    SEQUENCE_WORDS,
-    begin_sequence,
-    draw_row,
-    fill_doubles,
-    fill_normals,
-    seed_pcg64,
-    seed_words,
-    spawn,
-)
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.native import address_of, call, carve, compile_kernel
 
@@ -136,14 +111,14 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     give_start(arrays, scenario)
     compile_kernel(advance)
     called = {
-        CONTINUE: continue_trajectory,
-        SEARCH: search_of(arrays.scene),
-        BEGIN_RUN: begin_run if values["has_runs"] else None,
-        REORIENT: reorient_agents if agents.reorient_on else None,
-        HEAR: keep_heard if scenario.faults else None,
+        swarm.CONTINUE: continue_trajectory,
+        swarm.SEARCH: search_of(arrays.scene),
+        swarm.BEGIN_RUN: begin_run if values["has_runs"] else None,
+        swarm.REORIENT: reorient_agents if agents.reorient_on else None,
+        swarm.HEAR: keep_heard if scenario.faults else None,
     }
-    addresses = np.zeros(CALLS, np.int64)
-    addresses[CURVE] = response.address
+    addresses = np.zeros(swarm.CALLS, np.int64)
+    addresses[swarm.CURVE] = response.address
     for number, function in called.items():
         if function is not None:
             addresses[number] = address_of(function, types.int64, types.float64)
@@ -194,7 +169,7 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     """
     oscillators, trajectories = carve(block, Oscillators), carve(block, Trajectories)
     scene, agents = oscillators.scene, len(trajectories.speed)
-    begin_sequence(scene.seed, seed)
+    generators.begin_sequence(scene.seed, seed)
     if not scene.has_positions:
         _draw_doubles(trajectories.origin, scene, POSITION_SEED)
         for place in range(len(trajectories.origin)):
@@ -212,24 +187,24 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
         random_heading(heading, trajectories.streams[agent].words)
     if scene.has_runs:
         for agent in range(agents):
-            call(addresses[BEGIN_RUN], block, addresses, agent, 0.0)
+            call(addresses[swarm.BEGIN_RUN], block, addresses, agent, 0.0)
     begin_motion(block)
 
 
 @jit_no_alloc
 def _draw_doubles(numbers: FloatArray, scene: Any, child: int) -> None:
     """Write random numbers from [0, 1), (n,), drawn with a child of the trial's seed."""
-    spawn(scene.child, scene.seed, child)
-    seed_pcg64(scene.generator, scene.child)
-    fill_doubles(numbers, scene.generator)
+    generators.spawn(scene.child, scene.seed, child)
+    generators.seed_pcg64(scene.generator, scene.child)
+    generators.fill_doubles(numbers, scene.generator)
 
 
 @jit_no_alloc
 def _seed_streams(streams: npt.NDArray[np.void], scene: Any, child: int) -> None:
-    spawn(scene.child, scene.seed, child)
-    factor = DRAW_BEGIN
+    generators.spawn(scene.child, scene.seed, child)
+    factor = generators.DRAW_BEGIN
     for agent in range(len(streams)):
-        factor = draw_row(streams[agent].words, scene.child, factor)
+        factor = generators.draw_row(streams[agent].words, scene.child, factor)
 
 
 def give_start(arrays: Arrays, scenario: ParticleScenario) -> None:
@@ -266,11 +241,12 @@ def draw_differences(arrays: Arrays, scenario: ParticleScenario, seed: int) -> N
 
 def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
     """Return the generator of a child of the trial's seed after it has drawn this many numbers from [0, 1)."""
-    generator, sequence = np.empty(GENERATOR_WORDS, np.uint64), np.empty(SEQUENCE_WORDS, np.uint64)
-    begin_sequence(sequence, seed_words(seed))
-    spawn(sequence, sequence, child)
-    seed_pcg64(generator, sequence)
-    fill_doubles(np.empty(numbers), generator)
+    generator = np.empty(generators.GENERATOR_WORDS, np.uint64)
+    sequence = np.empty(generators.SEQUENCE_WORDS, np.uint64)
+    generators.begin_sequence(sequence, generators.seed_words(seed))
+    generators.spawn(sequence, sequence, child)
+    generators.seed_pcg64(generator, sequence)
+    generators.fill_doubles(np.empty(numbers), generator)
     return generator
 
 
@@ -283,20 +259,20 @@ def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
     generator = _generator_after(seed, POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
     spread, shares = agents.speed_spread or 0.0, np.ones(agents.count)
     if agents.speed_distribution == "uniform":
-        fill_doubles(shares, generator)
+        generators.fill_doubles(shares, generator)
         shares = (1 - spread) + ((1 + spread) - (1 - spread)) * shares
     elif agents.speed_distribution == "normal":
         shares = truncated_normal(generator, agents.count, spread, 0, 2)
     elif agents.speed_distribution == "exponential":
-        fill_doubles(shares, generator)
+        generators.fill_doubles(shares, generator)
         shares = -_each(log, 1 - shares)
     elif agents.speed_distribution == "lognormal":
         sigma = _lognormal_sigma(spread)
-        fill_normals(shares, generator)
+        generators.fill_normals(shares, generator)
         shares = _each(exp, -(sigma**2) / 2 + sigma * shares)
     elif agents.speed_distribution == "two_speeds":
         slow, fast = _two_speeds(agents)
-        fill_doubles(shares, generator)
+        generators.fill_doubles(shares, generator)
         shares = np.where(shares < (agents.fast_share or 0.0), fast, slow)
     return agents.speed_cm_s * shares * scenario.clocks.period_s
 
@@ -349,7 +325,7 @@ def truncated_normal(generator: WordArray, count: int, sigma: float, low: float,
     drawn, outside = np.zeros(count), np.ones(count, np.bool_)
     while outside.any():
         again = np.empty(np.count_nonzero(outside))
-        fill_normals(again, generator)
+        generators.fill_normals(again, generator)
         drawn[outside] = 1 + sigma * again
         outside = (drawn < low) | (drawn > high)
     return drawn
