@@ -10,7 +10,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import check_figure_axes, check_labels
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.loader import Point, describe_axes
-from epuck_sim.trial.model import check_room, run_trial, simulate
+from epuck_sim.trial.model import MODELS, run_trial, simulate
 from epuck_sim.trial.result import TrialState
 from epuck_sim.util.machine import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
 from epuck_sim.util.messages import counted
@@ -30,7 +30,7 @@ def check_sweep(points: Sequence[Point]) -> None:
         check_labels(scenario.figure.labels, points[0].axes, measures, "figure.labels")
     for point in points:
         try:
-            check_room(point.scenario)
+            MODELS[point.scenario.model].check_room(point.scenario)
         except ScenarioError as error:
             name = f"{point.scenario.name}: "
             where = f"sweep: point {point.number} ({describe_axes(point.axes)}): " if point.axes else ""

@@ -34,13 +34,13 @@ class SynchronyWatch:
     whatever it does in the further cycles.
     """
 
-    cycles: int  # firings of the reference so far
-    order_parameter: float | None  # order parameter at the reference's last firing; None before the first
-    events: Sequence[TrialEvent]  # changes so far, by the schedule or by faults
-    measures: bool  # whether the reference is an oscillator
+    cycles = 0  # firings of the reference so far
+    order_parameter: float | None = None  # order parameter at the reference's last firing; None before the first
+    _steps = 0
+    _synchrony: Firing | None = None
 
     def __init__(self, simulation: Simulation) -> None:
-        self.events = simulation.events
+        self.events: Sequence[TrialEvent] = simulation.events  # changes so far, by the schedule or by faults
         stop = self._stop = simulation.scenario.stop
         self._metric = METRICS[stop.metric]
         self._threshold = math.inf if stop.order_parameter is None else stop.order_parameter
@@ -50,31 +50,24 @@ class SynchronyWatch:
         oscillates = ~np.isnan(self._all_periods)
         self._oscillators = slice(None) if oscillates.all() else oscillates  # a slice copies nothing
         self._periods = self._all_periods[self._oscillators]
-        self.measures = bool(oscillates[self._reference])
+        self.measures = bool(oscillates[self._reference])  # whether the reference is an oscillator
         step_ms = simulation.scenario.timing.step_ms
         self._step_s = step_ms / 1000
-        period_ms = simulation.period_ms[self._reference] if self.measures else NOMINAL_PERIOD_S * 1000
         self._steps_a_cycle = NOMINAL_PERIOD_S * 1000 / step_ms
-        # a trial whose reference never fires must end, too: after twice the time that its cycles should take
-        self._max_steps = math.ceil(2 * stop.max_cycles * (period_ms / step_ms + 1))
+        most = stop.max_cycles * self._steps_a_cycle
+        if self.measures:  # a trial whose reference never fires ends after twice the time that its cycles should take
+            most = 2 * stop.max_cycles * (simulation.period_ms[self._reference] / step_ms + 1)
+        self._max_steps = math.ceil(most)
         if stop.max_time_s is not None:
             self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
-        if not self.measures:
-            self._max_steps = min(self._max_steps, math.ceil(stop.max_cycles * self._steps_a_cycle))
-        self._steps = 0
-        self._synchrony: Firing | None = None
-        self.cycles = 0
-        self.order_parameter = None
 
     def look(self, step: Step, *, is_firing: bool) -> None:
         """Record a step; the reference may fire in it (`Simulation.is_firing`), but not in steps skipped before it."""
-        if not self.measures:
-            self.cycles = int((step.number + 1) / self._steps_a_cycle)
-        elif is_firing:
-            self._look_at_firing(step)
         self._steps = step.number + 1
-
-    def _look_at_firing(self, step: Step) -> None:
+        if not self.measures:
+            self.cycles = int(self._steps / self._steps_a_cycle)
+        if not (self.measures and is_firing):
+            return
         self.cycles += 1
         counted = step.phase_ms[self._oscillators]
         if self._members_change:

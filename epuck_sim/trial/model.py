@@ -187,11 +187,6 @@ def run_trial(
     return result._replace(measures=measuring.values())
 
 
-def check_room(scenario: Scenario) -> None:
-    """Raise ScenarioError for a scenario whose population finds no room in its arena."""
-    MODELS[scenario.model].check_room(scenario)
-
-
 def check_interpretable(scenario: Scenario) -> None:
     """Raise ScenarioError for a scenario without controllers to interpret."""
     if not scenario.controllers:

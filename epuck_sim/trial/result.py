@@ -58,15 +58,10 @@ Progress = Callable[[TrialState], None]  # called now and then while a trial run
 
 
 def is_hopeless(orders: npt.ArrayLike, oscillators: int, metric: str = "complex") -> bool:
-    """Return whether order parameters of successive cycles do not tend to 1: they are low, or stand still.
+    """Return whether (cycles,) successive order parameters do not tend to 1: they are low, or stand still.
 
     They are low if their mean is at most the 99.9 % quantile of the mean over as many cycles of independent phases,
-    uniform over the period.
-
-    Args:
-        orders: (cycles,) order parameters.
-        oscillators: Number of oscillators.
-        metric: As `stop.metric`: `complex`, eqs. 4.2 and 5.7, or `reference`, eq. 3.4.
+    uniform over the period. The metric is that of the scenario's `stop`.
 
     >>> is_hopeless([0.2, 0.3, 0.4], 10), is_hopeless([0.7, 0.8, 0.9], 10), is_hopeless([0.8, 0.8, 0.8], 10)
     (True, False, True)
