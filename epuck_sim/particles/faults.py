@@ -19,13 +19,10 @@ from epuck_sim.faults import (
 from epuck_sim.particles.motion import advance_one, begin_motion, distance_travelled, stop_at_present
 from epuck_sim.particles.neighbours import nearest_image, row_of
 from epuck_sim.particles.oscillators import forget_earliest
-from epuck_sim.particles.swarm import Arrays, Faulty, Instant, Neighbours, Trajectories, entry_of
+from epuck_sim.particles.swarm import FAULT_SEED, Arrays, Faulty, Instant, Neighbours, Trajectories, entry_of
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.native import carve
-
-FAULT_SEED = 5
-"""Index of the seed of faults among the children of a trial's seed, after that of schedules."""
 
 FROZEN_RATE = 2.0**-60
 """Rate of the clock of a frozen oscillator: its phase stays, as far as it has digits."""

@@ -20,7 +20,7 @@ from epuck_sim.particles.events import advance
 from epuck_sim.particles.faults import keep_heard
 from epuck_sim.particles.motion import begin_motion, begin_run, continue_trajectory, random_heading, reorient_agents
 from epuck_sim.particles.neighbours import RANDOM, neighbourhood_of, search_of
-from epuck_sim.particles.oscillators import BRANCHES, FLAT, METRIC_CODES, forget_earliest, max_phase_offset
+from epuck_sim.particles.oscillators import BRANCHES, FLAT, forget_earliest, max_phase_offset
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
 from epuck_sim.particles.swarm import Arrays, Neighbours, Observed, Oscillators, Trajectories, aligned_bytes, make_block
 from epuck_sim.scenario.particles import AgentsSection, ParticleScenario, RandomAgents
@@ -35,9 +35,6 @@ SHORTEST_PERIOD = 0.1
 TABLE_SIZE = 1000
 """Number of equally likely speeds that stand for a distribution where speeds are drawn again and again: the fastest of
 them bounds the motion of all agents, and neighbours are cached by that bound."""
-
-POSITION_SEED, PHASE_SEED, MOTION_SEED, RECEIVER_SEED = range(4)
-"""Children of a trial's seed: positions and speeds; phases and periods; directions and runs; receivers."""
 
 
 # --- rules --------------------------------------------------------------------------------------------
@@ -151,7 +148,7 @@ def _scene_values(scenario: ParticleScenario, response: Response) -> dict[str, A
         # pulses that turn agents, or whose receivers are drawn: draws must not depend on the order of the cascade
         "sends_every_pulse": "arriving" in agents.reorient_on or isinstance(scenario.neighbourhood, RandomAgents),
         "reference": stop.reference,
-        "metric": METRIC_CODES[stop.metric],
+        "is_relative": stop.metric == "reference",
         "threshold": threshold,
         "max_offset": 1.0 if stop.max_time_s is not None else max_offset,  # then a trial may end between two firings
         "order_parameter": math.nan,
@@ -171,16 +168,16 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     scene, agents = oscillators.scene, len(trajectories.speed)
     generators.begin_sequence(scene.seed, seed)
     if not scene.has_positions:
-        _draw_doubles(trajectories.origin, scene, POSITION_SEED)
+        _draw_doubles(trajectories.origin, scene, swarm.POSITION_SEED)
         for place in range(len(trajectories.origin)):
             trajectories.origin[place] *= scene.side_cm
     if not scene.has_phases:
-        _draw_doubles(oscillators.next_firing, scene, PHASE_SEED)
+        _draw_doubles(oscillators.next_firing, scene, swarm.PHASE_SEED)
         for agent in range(agents):
             oscillators.next_firing[agent] = (1 - oscillators.next_firing[agent]) * oscillators.period[agent]
-    _seed_streams(trajectories.streams, scene, MOTION_SEED)
+    _seed_streams(trajectories.streams, scene, swarm.MOTION_SEED)
     if scene.kind == RANDOM:
-        _seed_streams(carve(block, Neighbours).receiver_streams, scene, RECEIVER_SEED)
+        _seed_streams(carve(block, Neighbours).receiver_streams, scene, swarm.RECEIVER_SEED)
     unused = carve(block, Observed).positions_now
     for agent in range(agents):
         heading = unused[agent::agents] if scene.has_headings else trajectories.heading[agent::agents]
@@ -233,7 +230,7 @@ def draw_differences(arrays: Arrays, scenario: ParticleScenario, seed: int) -> N
         arrays.speed[:] = initial_speeds(scenario, seed)
     if scenario.clocks.jitter:
         agents = scenario.agents.count
-        generator = _generator_after(seed, PHASE_SEED, agents)  # the phases
+        generator = _generator_after(seed, swarm.PHASE_SEED, agents)  # the phases
         arrays.period[:] = truncated_normal(generator, agents, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)
         if arrays.scene.has_phases:
             arrays.next_firing[:] = (1 - arrays.phases_now) * arrays.period
@@ -256,7 +253,7 @@ def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
 def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
     """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins."""
     agents = scenario.agents
-    generator = _generator_after(seed, POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
+    generator = _generator_after(seed, swarm.POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
     spread, shares = agents.speed_spread or 0.0, np.ones(agents.count)
     if agents.speed_distribution == "uniform":
         generators.fill_doubles(shares, generator)

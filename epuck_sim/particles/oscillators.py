@@ -25,12 +25,6 @@ SIMULTANEITY_CYCLES = 1e-12
 Moment = tuple[float, float]  # a cycle, from 0, and the time in it, 0 to 1
 ROUNDING_MARGIN = 1e-12  # upper bound, with a wide margin, of the rounding error of an order parameter
 
-COMPLEX, REFERENCE = range(2)
-"""Metrics: the modulus of the mean phasor (eq. 5.7), the mean cosine of phases relative to the reference (eq. 3.4)."""
-
-METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
-"""Codes of the metrics that a scenario's `stop.metric` names; the same metrics as `order_parameter.METRICS`."""
-
 
 @jit_inline
 def set_next_firing(oscillators: Oscillators, agent: int, time: float) -> None:
@@ -147,13 +141,16 @@ def are_phases_within(oscillators: Oscillators, max_offset: float, time: float) 
 
 @jit_no_alloc
 def measure_order(oscillators: Oscillators, time: float) -> float:
-    """Return the order parameter at `time`, at which the phase of the reference is 0."""
+    """Return the order parameter at `time`, at which the phase of the reference is 0: one of `order_parameter.METRICS`.
+
+    It is the modulus of the mean phasor (eq. 5.7), or the mean cosine of phases relative to the reference's (eq. 3.4).
+    """
     cosines, sines = 0.0, 0.0
     for agent in range(len(oscillators.next_firing)):
         sine, cosine = sin_cos(2 * math.pi * phase_at(oscillators, agent, time))
         cosines += cosine
         sines += sine
-    if oscillators.scene.metric == REFERENCE:
+    if oscillators.scene.is_relative:
         return cosines / len(oscillators.next_firing)
     return hypot(cosines, sines) / len(oscillators.next_firing)
 

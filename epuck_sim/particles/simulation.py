@@ -21,7 +21,7 @@ from epuck_sim.particles.motion import begin_motion, stop_at_present
 from epuck_sim.particles.neighbours import write_links
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
-from epuck_sim.particles.swarm import Arrays, keep_state
+from epuck_sim.particles.swarm import SCHEDULE_SEED, Arrays, keep_state
 from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TimedEntries, TrialEvent
 from epuck_sim.scenario.loader import load_of_model
@@ -32,9 +32,6 @@ from epuck_sim.util.messages import whole
 from epuck_sim.util.native import compile_kernel
 
 NEVER: Moment = (math.inf, 0.0)  # later than any moment of a trial
-
-SCHEDULE_SEED = 4
-"""Index of the seed of schedules among the children of a trial's seed, after those of `initial_conditions`."""
 
 UNLIMITED = 2**62  # larger than any count or cycle number
 
@@ -138,16 +135,10 @@ class ParticleSimulation:
         """Return the moment of a time."""
         return divmod(time_s / self.scenario.clocks.period_s, 1.0) if time_s < math.inf else NEVER
 
-    def _next_fault(self) -> tuple[float, Moment]:
-        """Return when a fault begins or ends next, in ms and as a moment; later than any if none does."""
-        if not self.scenario.faults:
-            return math.inf, NEVER
-        time_ms = first_change_ms(self._arrays.affected)
-        return time_ms, self._moment(time_ms / 1000)
-
     def _await_change(self) -> None:
         """Note when the schedule or a fault changes something next, after one has."""
-        self.next_change = min(self._timed.next, self._next_fault()[1])
+        self._fault_ms = first_change_ms(self._arrays.affected) if self.scenario.faults else math.inf
+        self.next_change = min(self._timed.next, self._moment(self._fault_ms / 1000))
 
     def _renew(self, rules: Rules) -> None:
         """Switch to the block of a new swarm with these rules."""
@@ -252,7 +243,7 @@ class ParticleSimulation:
             raise ValueError(f"time_s is {time_s}; allowed: a finite number")
         if time_s < self.time_s - 1e-9 * period_s:
             raise ValueError(f"time_s is {time_s}; the simulation is at {self.time_s} s and cannot go back")
-        cycle, time = divmod(time_s / period_s, 1.0)
+        cycle, time = self._moment(time_s)
         # between events the order parameter at the reference's last firing may be asked for: always measure it
         self._advance_through((cycle, time), offset=1.0)
         if not self.is_synchronised:
@@ -277,9 +268,8 @@ class ParticleSimulation:
         scene["now"] = max(scene["now"], moment[0] - scene["cycle"] + moment[1])
         while self._timed.next == moment:
             self.carry_out_scheduled(self._timed.take())
-        time_ms, next_fault = self._next_fault()
-        if next_fault <= moment:
-            self._change_faults(time_ms)
+        if self._moment(self._fault_ms / 1000) <= moment:
+            self._change_faults(self._fault_ms)
 
     def _change_faults(self, time_ms: float) -> None:
         """Begin and end the faults that are due."""
@@ -289,12 +279,9 @@ class ParticleSimulation:
         self._await_change()
 
     def carry_out_scheduled(self, entry: int) -> None:
-        """Carry out an entry of the scenario's schedule at the present time.
+        """Carry out the entry with this number of the scenario's schedule at the present time.
 
         Entries with a time are carried out by the simulation itself, others by `run_trial`.
-
-        Args:
-            entry: Number of the entry.
         """
         section, source = self.scenario.schedule[entry], f"schedule.{entry}"
         if section.set:

@@ -156,7 +156,7 @@ SCENE = record_type(
         ("reorients_on_arriving", "?"),  # agents at which a pulse arrives, whether or not it shifts their phase
         ("sends_every_pulse", "?"),  # whether pulses are sent even when there is no agent left to be shifted
         ("reference", "i8"),  # the agent whose firings are counted as cycles
-        ("metric", "i8"),  # see `oscillators`
+        ("is_relative", "?"),  # whether order is that of phases relative to the reference's; see `measure_order`
         ("threshold", "f8"),  # order parameter at which the swarm is synchronised; inf if there is none
         ("max_offset", "f8"),  # if a phase is farther from the reference's, in cycles, the threshold is not reached
         # what happened
@@ -190,6 +190,10 @@ find the receivers of an agent's pulse, continue an agent's trajectory, begin it
 leave out the receivers that faults keep from an agent's pulse."""
 
 CALLS = 6  # length of the array of addresses
+
+POSITION_SEED, PHASE_SEED, MOTION_SEED, RECEIVER_SEED, SCHEDULE_SEED, FAULT_SEED = range(6)
+"""Children of a trial's seed: positions and speeds; phases and periods; directions and runs; receivers; changes by the
+schedule; faults."""
 
 
 def make_block(sizes: Mapping[str, int]) -> ByteArray:

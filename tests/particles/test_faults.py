@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from epuck_sim import ParticleSimulation, run_trial
 from epuck_sim.faults import random_share
-from epuck_sim.particles.faults import FAULT_SEED
+from epuck_sim.particles.swarm import FAULT_SEED
 from epuck_sim.util.rng import next_word, uniform
 from epuck_sim.util.seeds import robot_streams
 from tests.particles.simulations import (
