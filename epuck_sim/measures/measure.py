@@ -45,12 +45,10 @@ class Measure:
     """A measure as it was found."""
 
     name: str  # name of its value in results
-    stored_name: str
-    """Name by which it is found again: that of a shipped or installed one, or FILE.py:NAME with the file's path."""
+    stored_name: str  # that by which it is found again: of a shipped or installed one, or FILE.py:NAME with its path
     make: Callable[..., Any]  # the class or function
     parameters: Mapping[str, Parameter]  # name and default of each parameter
-    sources: Mapping[Path, bytes]
-    """Contents of every file that a user's measure comes from, at the time of loading; empty for a shipped one."""
+    sources: Mapping[Path, bytes]  # contents, when loaded, of every file that it comes from; empty for a shipped one
     unit: str = ""  # unit of its value, which figures name; empty if it has none
     over: str = "cycle"  # noun for the items of a series
 
@@ -59,14 +57,10 @@ class Measure:
         """Whether it is a function, which is called at the end alone."""
         return not inspect.isclass(self.make)
 
-    def is_told(self, method: str) -> bool:
-        """Return whether it has this method, or one in its place (`told_by`)."""
-        return not self.is_function and hasattr(self.make, self.told_by(method))
-
-    def told_by(self, method: str) -> str:
-        """Return the method to call for this one: `stretch` in place of `step` if the measure has it."""
-        in_place = method == STEP_METHOD and hasattr(self.make, STRETCH_METHOD)
-        return STRETCH_METHOD if in_place else method
+    def told_by(self, method: str) -> str | None:
+        """Return the method to call for this one, `stretch` in place of `step` if it has that; None if it has none."""
+        methods = (STRETCH_METHOD, STEP_METHOD) if method == STEP_METHOD else (method,)
+        return None if self.is_function else next((each for each in methods if hasattr(self.make, each)), None)
 
     def check_model(self, model: str, event_method: str) -> None:
         """Raise ValueError if it cannot measure trials of a model."""
@@ -75,7 +69,7 @@ class Measure:
             if model not in models:
                 raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
             return
-        methods = [method for method in EVENT_METHODS if self.is_told(method)]
+        methods = [method for method in EVENT_METHODS if self.told_by(method)]
         if methods and event_method not in methods:
             raise ValueError(
                 f"{self.name} has a method {methods[0]}, for {EVENT_METHODS[methods[0]]}; model: {model} calls "

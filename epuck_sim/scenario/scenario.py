@@ -292,7 +292,7 @@ class Scenario(ConfigModel):
             name, methods = condition.measure, (CYCLE_METHOD, self.event_method)
             if name not in found and name != ORDER_PARAMETER:  # which every trial measures
                 raise ScenarioError(f"{origin}: {key}: {did_you_mean(name, found)}; measures: {comma_list(found)}")
-            if name in found and not any(map(found[name].is_told, methods)):
+            if name in found and not any(map(found[name].told_by, methods)):
                 allowed = f"measures with methods {' or '.join(methods)}"
                 raise ScenarioError(f"{origin}: {key}: {name} is measured only at the end; allowed: {allowed}")
         return self.model_copy(update={"measures": tuple(sections)}) if sections else self

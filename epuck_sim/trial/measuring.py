@@ -71,8 +71,7 @@ class Measuring:
             watch.value = _checked(measure, origin, instance.value, last_scalar)
         event_method = simulation.scenario.event_method
         for method, observers in ((event_method, self.at_events), (CYCLE_METHOD, self.at_cycles)):
-            if measure.is_told(method):
-                told_by = measure.told_by(method)
+            if told_by := measure.told_by(method):
                 tells = self.at_stretches if told_by == STRETCH_METHOD else observers
                 tells.append(partial(_call, measure, origin, getattr(instance, told_by)))
                 observers += [watch for watch in watches if not watch.counts_firings]

@@ -35,7 +35,6 @@ def run_agents(
     events = iter(simulation if observers else ())  # compiles what events need, before the clock runs
     began = time.perf_counter()
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
-    cycles = simulation.cycles
 
     def has_ended() -> bool:
         return simulation.is_synchronised or simulation.cycles >= limit or measuring.is_over()
@@ -44,11 +43,11 @@ def run_agents(
         measuring.carry_out(simulation, simulation.carry_out_scheduled)
         if simulation.next_firing > end and simulation.next_change > end:
             break
+        cycles = simulation.cycles
         if observers:
             event = next(events)
             for observer in observers:
                 observer(event, simulation)
-            now = simulation.cycles
         else:
             asked = time.perf_counter()
             # progress shows order parameters, which are measured only at firings of the reference
@@ -56,15 +55,13 @@ def run_agents(
             last_cycle = cycles + 1 if is_one_cycle else min(limit, measuring.next_cycle)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
-            now = simulation.cycles
             if took > 2 * SLICE_S:
                 pulses = max(1, pulses // 2)
-            elif took < SLICE_S / 2 and not (is_one_cycle and now > cycles):
+            elif took < SLICE_S / 2 and not (is_one_cycle and simulation.cycles > cycles):
                 pulses *= 2  # a slice that ended at a firing does not show how long a whole one takes
-        if now > cycles:
+        if simulation.cycles > cycles:
             for observer in measuring.at_cycles:
                 observer(simulation.last_instant(), simulation)
-        cycles = now
         if progress is not None:
             progress(simulation)
     is_early = has_ended()
