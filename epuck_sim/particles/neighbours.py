@@ -14,13 +14,7 @@ import numpy as np
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.elementary import cos, sin
-from epuck_sim.particles.motion import (
-    advance_one,
-    compute_end_times,
-    compute_positions,
-    distance_travelled,
-    time_of_end,
-)
+from epuck_sim.particles.motion import advance_one, compute_positions, distance_travelled, time_of_end
 from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of
 from epuck_sim.scenario.particles import ParticleScenario
@@ -370,11 +364,8 @@ def _bound_crossing_times(trajectories: Trajectories, neighbours: Neighbours, ti
     square, along, margin = neighbours.square_distance, neighbours.axial_distance, neighbours.margin
     radius_cm, cosine, sine, per_cm = scene.radius_cm, scene.cos, scene.sin, scene.closing_time
     is_own_cone = scene.kind == EMISSION_CONE  # of the firing agent, not one of each candidate
-    if not is_own_cone and scene.cells == 0:
-        compute_end_times(trajectories)
-    elif not is_own_cone:
-        for index in range(count):
-            end_times[index] = time_of_end(trajectories, entry_of(neighbours.candidates, index))
+    for index in range(0 if is_own_cone else count):
+        end_times[index] = time_of_end(trajectories, entry_of(neighbours.candidates, index))
     for index in range(count):
         beyond = math.sqrt(square[index]) - radius_cm
         # distance from the cone's edge, or from its extension beyond the apex
