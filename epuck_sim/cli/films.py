@@ -249,9 +249,20 @@ def track(
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import look_again, track_film
 
-    known = (arena_cm, height_cm, corners_px, period_s, robots, threshold_ms, order_parameter, lens)
-    end_s = math.inf if end is None else end
-    scene = TrackOptions(*known, start_s=start, end_s=end_s, fps=fps, **(tags or {}))
+    scene = TrackOptions(
+        arena_cm=arena_cm,
+        height_cm=height_cm,
+        corners_px=corners_px,
+        period_s=period_s,
+        robots=robots,
+        threshold_ms=threshold_ms,
+        order_parameter=order_parameter,
+        lens=lens,
+        start_s=start,
+        end_s=math.inf if end is None else end,
+        fps=fps,
+        **(tags or {}),
+    )
     tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
     outputs = {
         "--plot": (plot, [".png"]),
@@ -327,7 +338,16 @@ def compare_film(
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
     loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "a film needs model: embodied")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
-    scene = TrackOptions(arena_cm, height_cm, corners_px, period_s, robots, lens=lens, fps=fps, **(tags or {}))
+    scene = TrackOptions(
+        arena_cm=arena_cm,
+        height_cm=height_cm,
+        corners_px=corners_px,
+        period_s=period_s,
+        robots=robots,
+        lens=lens,
+        fps=fps,
+        **(tags or {}),
+    )
     files = {}
     if plot is not None:
         from epuck_sim.figures.saving import check_files, parse_target

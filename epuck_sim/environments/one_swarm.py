@@ -89,7 +89,10 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         return self._of_agents(rows), self._infos_of_agents(infos)
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-        """Have all robots act; return observations, rewards, terminations, truncations and infos of all agents."""
+        """Have all robots act; return observations, rewards, terminations, truncations and infos of all agents.
+
+        ValueError is raised outside of an episode, and for an action that is missing or not allowed.
+        """
         if not self.agents:
             raise ValueError("no episode is under way: it is over, or has not begun; call reset()")
         if actions.keys() != set(self.agents):
@@ -213,7 +216,10 @@ def robot_vector_env(
     render_mode: str | None = None,
     **settings: Any,
 ) -> SwarmVectorEnv:
-    """Return a `vector_env` of swarms with one robot each that is driven from outside, for `gymnasium.make_vec`."""
+    """Return a `vector_env` of swarms with one robot each that is driven from outside, for `gymnasium.make_vec`.
+
+    ScenarioError is raised if none or several are, ValueError for an episode's length in steps or a `render_mode`.
+    """
     if max_episode_steps is not None:
         raise ValueError(f"max_episode_steps is {max_episode_steps}; allowed: episode_s, in simulated seconds")
     if render_mode is not None:

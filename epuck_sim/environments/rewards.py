@@ -106,7 +106,10 @@ REWARD = Kind(
 
 
 def find_reward(reward: SituationFunction | str | Path) -> SituationFunction:
-    """Return a reward: a function as it is, one by its name, or the function `reward` of a file."""
+    """Return a reward: a function as it is, one by its name, or the function `reward` of a file.
+
+    ScenarioError is raised if there is no such reward, or the file has none.
+    """
     if callable(reward):
         return reward
     if not isinstance(reward, str | Path):

@@ -251,7 +251,10 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,  # noqa: ARG002 Gymnasium's signature
     ) -> tuple[Float32Array, dict[str, Any]]:
-        """Begin an episode of each swarm: with its own seed, `seed` + its number, or the next of its last seed."""
+        """Begin an episode of each swarm: with its own seed, `seed` + its number, or the next of its last seed.
+
+        `seed` is one for each swarm, that of the first, or None; `options` are ignored.
+        """
         for swarm, each in enumerate(_seeds_from(seed, self.swarms)):
             if each is not None:
                 self._masters[swarm], self._episodes[swarm] = each, -1
@@ -272,7 +275,9 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
     def step(self, actions: npt.ArrayLike) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Have all robots act; those of swarms whose episodes are over begin a new one instead.
 
-        Actions, and what is returned, have (swarms * agents, ...) entries, one for each agent.
+        Actions have (swarms * agents, ...) entries, one for each agent; so have observations, rewards, whether
+        terminated, whether truncated, and the arrays of infos, which are returned. ValueError is raised if `reset` was
+        not called, a controller was replaced, or an action is not of the action space.
         """
         self._check_begun()
         if any(each.memory is not known for each, known in zip(self.simulations, self._memories, strict=True)):

@@ -12,19 +12,17 @@ from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
-from warnings import catch_warnings
 
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import Chunk
-from rerun.error_utils import RerunWarning
 
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import READING
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level, layers, series
 from epuck_sim.recording.layers import AgentLayers, RobotLayers
-from epuck_sim.recording.rerun import APPLICATION, TIMELINE, rrd_file, static_chunk
+from epuck_sim.recording.rerun import APPLICATION, TIMELINE, rrd_file, static_chunk, strict_mode
 from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_of_model, write_scenario
@@ -139,7 +137,7 @@ class Recorder:
         )
 
     def _write(self, *parts: Iterable[Chunk]) -> None:
-        with catch_warnings(action="error", category=RerunWarning):  # of malformed data, which rerun would leave out
+        with strict_mode():
             self._send(chain.from_iterable(parts))
 
     def finish(self) -> None:

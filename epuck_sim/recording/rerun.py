@@ -169,6 +169,17 @@ def proxy_url(port: int) -> str:
     return f"rerun+http://{HOST}:{port}/proxy"
 
 
+@contextmanager
+def strict_mode() -> Iterator[None]:
+    """Make rerun raise an error for malformed data in the block, instead of a warning."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
 def static_chunk(entity: str, values: rr.AsComponents) -> Chunk:
     """Return a chunk that holds at all times."""
     batches = values.as_component_batches()

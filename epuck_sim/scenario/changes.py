@@ -48,7 +48,7 @@ Whom = Annotated[Members, Field(min_length=1)] | None
 
 
 class FaultSection(ConfigModel):
-    """A fault: in which robots, from when to when."""
+    """A fault: in which robots or agents, from when to when."""
 
     later_keys: ClassVar[tuple[str, ...]] = ("agents",)
 
@@ -74,7 +74,7 @@ class FaultSection(ConfigModel):
 
     def _check_together(self) -> None:
         if self.share is not None and self.count is not None:
-            raise ValueError("share and count are given; give one of them, or neither for all robots")
+            raise ValueError("share and count are given; give one of them, or neither for all")
         when = [key for key in ("at_s", "until_s", "per_hour", "mean_s") if getattr(self, key) is not None]
         if self.scheduled and when:
             raise ValueError(f"scheduled is true and {when[0]} is given; leave one of them out")
@@ -85,7 +85,7 @@ class FaultSection(ConfigModel):
 
     @property
     def changes(self) -> str:
-        """The part of a robot that it changes, see `FAULTS`."""
+        """The part of a robot or agent that it changes, see `FAULTS`."""
         return FAULTS[self.kind]
 
     @property
@@ -102,14 +102,14 @@ class Failure(FaultSection):
     """A part of the robot, or agent, fails as a whole."""
 
     kind: Literal["ring_dead", "ring_stuck_on", "oscillator_frozen", "camera_blind", "infrared_dead", "wheels_dead"]
-    """`ring_dead`: the ring stays dark, and an agent sends no pulse; `ring_stuck_on`: it stays lit;
+    """`ring_dead`: the ring stays dark, and an agent sends no pulse; `ring_stuck_on` (not of agents): it stays lit;
     `oscillator_frozen`: the phase, and with it the ring, stay as they are, and the robot moves on; `camera_blind`: the
-    camera sees no flash, and an agent receives no pulse; `infrared_dead`: the proximity sensors read 0, as if nothing
-    were in range; `wheels_dead`: the robot stands still."""
+    camera sees no flash, slow ones deliver empty pictures late, and an agent receives no pulse; `infrared_dead` (not of
+    agents): the proximity sensors read 0, as if nothing were in range; `wheels_dead`: the robot stands still."""
 
 
 class ClockDrift(FaultSection):
-    """The robot's clock runs fast or slow (thesis 4.4)."""
+    """The clock of a robot or agent runs fast or slow (thesis 4.4)."""
 
     kind: Literal["clock_drift"]
     rate: Annotated[Number, Field(ge=0.1, le=10)]
@@ -145,7 +145,7 @@ class SensorDead(FaultSection):
 
 
 class Restart(FaultSection):
-    """The oscillator starts anew at a random phase, with a dark ring; it takes no time."""
+    """The oscillator starts anew at a random phase, with a dark ring; other memory stays, and it takes no time."""
 
     kind: Literal["restart"]
 
@@ -172,7 +172,7 @@ class TrialEvent(NamedTuple):
     time_s: float  # time of that step; of point agents, of the change
     source: str  # its place in the scenario: `schedule.NUMBER`, or `faults.NUMBER`
     what: str  # what changed, in words
-    robots: tuple[int, ...] = ()  # numbers of the robots in which a fault began or ended; none for a schedule
+    robots: tuple[int, ...] = ()  # numbers of those in which a fault began or ended; none for a schedule
 
 
 class Displacement(ConfigModel):
@@ -262,6 +262,9 @@ def check_changes(
 ) -> None:
     """Raise ValueError for changes of robots or agents that there are not, or of faults that do not begin or end so."""
     other = "agents" if noun == "robot" else "robots"
+    for place, fault in enumerate(faults):
+        if getattr(fault, other) is not None:
+            raise ValueError(f"faults.{place}.{other}: this model has none; give {noun}s")
     named = [(f"faults.{place}", fault.numbers()) for place, fault in enumerate(faults)]
     named += [(f"schedule.{place}", entry.numbers()) for place, entry in enumerate(schedule)]
     for where, keys in named:
@@ -273,8 +276,6 @@ def check_changes(
         check_range(f"{where}.count", fault.count, 0, most)
         none = f", or 0: a smaller share of {most} {noun}s is no {noun}"
         check_range(f"{where}.share", fault.share or None, 0.5 / most, 1, none)
-        if getattr(fault, other) is not None:
-            raise ValueError(f"{where}.{other}: this model has none; give {noun}s")
     for place, entry in enumerate(schedule):
         for key in ("begin", "end"):
             for number in getattr(entry, key):

@@ -214,7 +214,7 @@ class AgentsSection(ConfigModel):
     walk: WalkSection = WalkSection.model_construct()
     reorient_on: tuple[Literal["emitting", "receiving", "arriving"], ...] = ()
     """Pulses at which an agent turns to a random direction (D.1): those that it emits, those that shift its phase, or
-    all that arrive."""
+    all that arrive. None turns twice at one instant."""
 
     def _check_together(self) -> None:
         _check_needs(self, "speed_distribution", "speed_spread", "fast_share", "fast_ratio")

@@ -508,10 +508,8 @@ def _fit_powers(run: str, points: Sequence[PointTrials], axes: Sequence[str], ot
 
 def powers_table(fits: Sequence[PowersFit]) -> Table:
     """Return a table of the factor and the exponents for each combination of the other axes."""
-    keys, others = (
-        list(dict.fromkeys(key for fit in fits for key in fit.exponents)),
-        ("trials", "censored", "points", "misfit"),
-    )
+    keys = list(dict.fromkeys(key for fit in fits for key in fit.exponents))
+    others = ("trials", "censored", "points", "misfit")
     cells = [
         {
             "factor": fit.factor,

@@ -110,11 +110,8 @@ def take_events(swarm: Swarm) -> list[TrialEvent]:
     scene.changes = 0
     events = []
     for (time_ms, fault, begins), several in groupby(changes, lambda each: each[:3]):
-        step, kind, robots = (
-            int(time_ms) // int(scene.step_ms),
-            int(swarm.faults[fault].kind),
-            [each[3] for each in several],
-        )
+        step, kind = int(time_ms) // int(scene.step_ms), int(swarm.faults[fault].kind)
+        robots = [robot for *_, robot in several]
         events.append(fault_event(step, time_ms / 1000, fault, kind, begins, robots))
     return events
 
