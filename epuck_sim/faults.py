@@ -144,11 +144,6 @@ def change_until(section: Any, state: Any, time_ms: float) -> float:
     return phase
 
 
-def first_change_ms(affected: RecordArray) -> float:
-    """Return when the first of all faults begins or ends next; infinity if none does."""
-    return float(affected.change_ms.min())
-
-
 def begin_or_end(affected: RecordArray, population: int, entry: ScheduleEntry, time_ms: float) -> None:
     """Let the faults of a schedule's entry begin or end at this time in all members that may have them."""
     for faults, begins in ((entry.begin, True), (entry.end, False)):

@@ -16,7 +16,7 @@ from epuck_sim.faults import (
     is_missed,
     restart_faults,
 )
-from epuck_sim.particles.motion import advance_one, begin_motion, distance_travelled, stop_at_present
+from epuck_sim.particles.motion import advance_one, begin_motion, distance_travelled, start_at_present
 from epuck_sim.particles.neighbours import nearest_image, row_of
 from epuck_sim.particles.oscillators import forget_earliest
 from epuck_sim.particles.swarm import FAULT_SEED, Arrays, Faulty, Instant, Neighbours, Trajectories, entry_of
@@ -56,7 +56,7 @@ def change_faults(swarm: Arrays, time_ms: float) -> Iterator[tuple[int, int, boo
     swarm.next_firing[restarted] = now + ((1 - phase) * periods)[restarted]
     forget_earliest(swarm)
     if (faults.kind == WHEELS_DEAD).any():
-        stop_at_present(swarm, speeds_with_faults(swarm, swarm.base_speed))
+        start_at_present(swarm, speeds_with_faults(swarm, swarm.base_speed))
         swarm.cached_until[:] = swarm.scene.sorted_at = -np.inf  # these hold for the speeds before
         begin_motion(swarm.block)
     for fault, kind in enumerate(faults.kind.tolist()):

@@ -85,7 +85,7 @@ def begin_motion(block: ByteArray) -> None:
     scene.earliest_end = time_of_end(trajectories, first_to_end(trajectories))
 
 
-def stop_at_present(swarm: Arrays, speeds: FloatArray) -> None:
+def start_at_present(swarm: Arrays, speeds: FloatArray) -> None:
     """Let trajectories whose speed changes, (agents,) cm per cycle, begin where agents were observed to be."""
     other, scene = speeds != swarm.speed, swarm.scene
     swarm.origin[:, other] = np.clip(swarm.positions_now[:, other], 0.0, scene.side_cm)

@@ -12,12 +12,12 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, to_html
 from epuck_sim.errors import ScenarioError
-from epuck_sim.faults import begin_or_end, fault_event, first_change_ms
+from epuck_sim.faults import begin_or_end, fault_event
 from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.events import advance, observe, turn_if_next
 from epuck_sim.particles.faults import begin_faults, change_faults, mark_heard, speeds_with_faults
 from epuck_sim.particles.initial_conditions import Rules, draw_differences, initial_speeds, rules_of, start
-from epuck_sim.particles.motion import begin_motion, stop_at_present
+from epuck_sim.particles.motion import begin_motion, start_at_present
 from epuck_sim.particles.neighbours import write_links
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
@@ -137,7 +137,7 @@ class ParticleSimulation:
 
     def _await_change(self) -> None:
         """Note when the schedule or a fault changes something next, after one has."""
-        self._fault_ms = first_change_ms(self._arrays.affected) if self.scenario.faults else math.inf
+        self._fault_ms = float(self._arrays.affected["change_ms"].min()) if self.scenario.faults else math.inf
         self.next_change = min(self._timed.next, self._moment(self._fault_ms / 1000))
 
     def _renew(self, rules: Rules) -> None:
@@ -294,14 +294,15 @@ class ParticleSimulation:
             time_ms = self.time_s * 1000
             begin_or_end(self._arrays.affected, self.oscillators, section, time_ms)
             self._change_faults(time_ms)
-        self._await_change()
+        else:
+            self._await_change()
 
     def _change(self, scenario: ParticleScenario) -> None:
         """Switch to the speeds, neighbourhood and response of a scenario."""
         before = self._arrays
         if scenario.agents != self._present.agents:  # trajectories begin where agents are
             speeds = initial_speeds(scenario, self.seed)
-            stop_at_present(self._observe(), speeds_with_faults(before, speeds) if scenario.faults else speeds)
+            start_at_present(self._observe(), speeds_with_faults(before, speeds) if scenario.faults else speeds)
         self._renew(rules_of(scenario))
         keep_state(before, self._arrays)
         begin_motion(self._arrays.block)

@@ -93,10 +93,6 @@ class FaultSection(ConfigModel):
         """Numbers of the robots or agents that may have it; None for all."""
         return self.robots if self.agents is None else self.agents
 
-    def numbers(self) -> dict[str, Sequence[int]]:
-        """Return the numbers of robots or agents that it names, by key."""
-        return {"robots": self.robots or (), "agents": self.agents or ()}
-
 
 class Failure(FaultSection):
     """A part of the robot, or agent, fails as a whole."""
@@ -263,20 +259,18 @@ def check_changes(
     """Raise ValueError for changes of robots or agents that there are not, or of faults that do not begin or end so."""
     other = "agents" if noun == "robot" else "robots"
     for place, fault in enumerate(faults):
-        if getattr(fault, other) is not None:
-            raise ValueError(f"faults.{place}.{other}: this model has none; give {noun}s")
-    named = [(f"faults.{place}", fault.numbers()) for place, fault in enumerate(faults)]
-    named += [(f"schedule.{place}", entry.numbers()) for place, entry in enumerate(schedule)]
-    for where, keys in named:
-        for key, numbers in keys.items():
-            for number in numbers:
-                check_range(f"{where}.{key}", number, 0, population - 1)
-    for place, fault in enumerate(faults):
         where, most = f"faults.{place}", len(fault.whom or range(population))
+        if getattr(fault, other) is not None:
+            raise ValueError(f"{where}.{other}: this model has none; give {noun}s")
+        for number in fault.whom or ():
+            check_range(f"{where}.{noun}s", number, 0, population - 1)
         check_range(f"{where}.count", fault.count, 0, most)
         none = f", or 0: a smaller share of {most} {noun}s is no {noun}"
         check_range(f"{where}.share", fault.share or None, 0.5 / most, 1, none)
     for place, entry in enumerate(schedule):
+        for key, numbers in entry.numbers().items():
+            for number in numbers:
+                check_range(f"schedule.{place}.{key}", number, 0, population - 1)
         for key in ("begin", "end"):
             for number in getattr(entry, key):
                 if number >= len(faults) or not faults[number].scheduled:
