@@ -162,12 +162,18 @@ def fault_event(step: int, time_s: float, fault: int, kind: int, begins: bool, w
 
 
 @jit_no_alloc
-def is_missed(section: Any, state: Any, distance_cm: float, sender: int, flash: int) -> bool:
-    """Return whether a fault makes its member miss a flash, of this number, of a sender at a distance."""
-    if section.kind != CAMERA_MISSES or not state.is_active:
-        return False
-    concerned = distance_cm < section.nearer_cm or distance_cm > section.farther_cm
-    return bool(concerned and random_share(state.key, sender, flash) < section.strength)
+def misses(
+    faults: RecordArray, affected: RecordArray, member: int, distance_cm: float, sender: int, flash: int
+) -> bool:
+    """Return whether faults make a member miss a flash, of this number, of a sender at a distance."""
+    population = len(affected) // len(faults)
+    for fault in range(len(faults)):
+        section, state = faults[fault], affected[fault * population + member]
+        if section.kind == CAMERA_MISSES and state.is_active:
+            concerned = distance_cm < section.nearer_cm or distance_cm > section.farther_cm
+            if concerned and random_share(state.key, sender, flash) < section.strength:
+                return True
+    return False
 
 
 @jit_no_alloc

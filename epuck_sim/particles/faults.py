@@ -13,7 +13,7 @@ from epuck_sim.faults import (
     RING_DEAD,
     WHEELS_DEAD,
     change_until,
-    is_missed,
+    misses,
     restart_faults,
 )
 from epuck_sim.particles.motion import advance_one, begin_motion, distance_travelled, start_at_present
@@ -117,11 +117,7 @@ def is_heard(block: ByteArray, addresses: IntArray, sender: int, receiver: int, 
         offset -= trajectories.heading[here] * distance_travelled(trajectories, receiver, time)
         offset = nearest_image(scene.is_cyclic, scene.side_cm, offset)
         square += offset * offset
-    for fault in range(len(faulty.faults)):
-        state = faulty.affected[fault * scene.agents + receiver]
-        if is_missed(faulty.faults[fault], state, np.sqrt(square), sender, instant):
-            return False
-    return True
+    return not misses(faulty.faults, faulty.affected, receiver, np.sqrt(square), sender, instant)
 
 
 @jit

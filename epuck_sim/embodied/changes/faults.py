@@ -27,7 +27,7 @@ from epuck_sim.faults import (
     WHEELS_DEAD,
     change_until,
     fault_event,
-    is_missed,
+    misses,
     restart_faults,
 )
 from epuck_sim.scenario.changes import TrialEvent
@@ -217,8 +217,4 @@ def _misses(swarm: Swarm, robot: int, sender: int) -> bool:
     to, here = swarm.robots[sender], swarm.robots[robot]
     dx, dy = to.x - here.x, to.y - here.y
     distance_cm = np.sqrt(dx * dx + dy * dy)
-    for fault in range(len(swarm.faults)):
-        state = swarm.affected[fault * len(swarm.robots) + robot]
-        if is_missed(swarm.faults[fault], state, distance_cm, sender, to.flash_number):
-            return True
-    return False
+    return misses(swarm.faults, swarm.affected, robot, distance_cm, sender, to.flash_number)
