@@ -18,6 +18,7 @@ from epuck_sim.util.messages import shortest_endings
 
 CSV_DIGITS, AXIS_DIGITS = 6, 15  # significant digits in CSV of numbers, and of values of axes, which tell rows apart
 GAP = 2  # number of blanks between the columns of a terminal
+UNBROKEN = 5  # longest heading whose words stay on one line, such as "B / A"
 MOST_TIED = 6  # largest number of values of an axis that are named above a table
 POINT = "point"  # column with the number of a point, the first to be left out where a table is too wide
 
@@ -104,8 +105,8 @@ class _Column(NamedTuple):
 
     @property
     def least(self) -> int:
-        """Width of the widest cell, and of the longest word of the heading."""
-        return max(map(len, (*self.texts, *self.heading.split())))
+        """Width of the widest cell, and of the longest word of the heading, or of all of a short one."""
+        return max(map(len, (*self.texts, *self.heading.split(), self.heading[:UNBROKEN])))
 
 
 def cell_text(cell: Any) -> str:

@@ -192,6 +192,8 @@ def test_what_fits_stands_in_one_part_with_numbers_below_each_other_and_columns_
     text = Table("T_sync", rows).to_text(80)
     assert text.splitlines()[1] == "height_cm 80, 120 with width_cm; count = 5; trials 20"
     assert text.splitlines()[2].split() == ["width_cm", "mean"]
+    quotients = Table("T_sync", [Row({}, {"ratio": None})], headings={"ratio": "B / A"})
+    assert quotients.to_text(80).splitlines()[1] == "B / A"
 
 
 def test_a_table_that_is_too_wide_comes_in_parts_with_what_tells_rows_apart() -> None:
