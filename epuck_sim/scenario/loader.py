@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.control.loader import CONTROLLER, find_controller, find_sensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.measures.measure import find_measure
 from epuck_sim.scenario import keys
@@ -331,6 +331,8 @@ def find_scenario(name: str) -> Path:
             found = SCENARIO.named(name).path
             assert found is not None  # scenarios are files
             return found
+        if path.suffix in CONTROLLER.suffixes:
+            raise ScenarioError(f"{name}: is code, no scenario; of a controller: run thesis --controller {name}")
         for file in (path, path / RUN_SCENARIO):
             if file.is_file():
                 return file
