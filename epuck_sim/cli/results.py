@@ -50,17 +50,17 @@ def summarize(
     For a measure that is a series, print them at each cycle; the table shows some of the cycles.
     """
     from epuck_sim.cli.tables import show
-    from epuck_sim.runs.reader import read_points
+    from epuck_sim.runs.reader import each_point, read_points
     from epuck_sim.statistics.curves import has_series, series_table, summarize_series
     from epuck_sim.statistics.statistic import summarize as statistics
 
     reject_first(options.both(as_json, as_csv))
-    points = read_points(folder, of, where)
-    if any(map(has_series, points)):
+    points = read_points(folder, of, where) if of else None
+    if points and any(map(has_series, points)):
         series = summarize_series(points)
         table, found = series_table(f"{folder}: {of}", series), [each.record() for each in series]
     else:
-        summaries = statistics(points)
+        summaries = statistics(points or each_point(folder, of, where))
         table, found = summaries.table(str(folder)), [each.record() for each in summaries]
     show([table], found, as_json=as_json, as_csv=as_csv)
 

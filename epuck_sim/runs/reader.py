@@ -48,7 +48,7 @@ class PointTrials(NamedTuple):
     """(trials,) value of the requested measure, or the seconds, of each trial; empty if none was requested."""
     of: str | None = None  # name of the requested measure, or `t_sync_s`; None if none was requested
     events: tuple[tuple[TrialEvent, ...], ...] = ()
-    """(trials,) what changed in each trial: entries of the schedule, and faults."""
+    """(trials,) what changed in each trial: entries of the schedule, and faults; empty if nothing did in the folder."""
     has_t_sync: bool = True
     """Whether trials have a T_sync: their reference is an oscillator, and the order parameter has a threshold."""
 
@@ -105,6 +105,13 @@ def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] 
         EpuckSimError: No point has such a value.
         StoreError: The folder is not a run folder, its database is damaged, or there is no such measure in it.
     """
+    results = SweepTrials(each_point(folder, of, where))
+    results.folder = Path(folder)
+    return results
+
+
+def each_point(folder: Path | str, of: str | None = None, where: Sequence[str] | None = None) -> Iterator[PointTrials]:
+    """Yield the points that `read_points` returns, one after the other, as all together may not fit into memory."""
     with reading(folder) as connection:
         measured = [*measures_in(connection), T_SYNC_S]
         if of is not None and of not in measured:
@@ -115,8 +122,6 @@ def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] 
         for text in where or ():
             with refused_at(str(folder)):
                 stored = _having(stored, text)
-        results = SweepTrials()
-        results.folder = Path(folder)
         for axes, key, number, scenario in stored:
             try:
                 read = validate(json.loads(scenario), f"point {number}")
@@ -130,26 +135,23 @@ def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] 
                 values = _read_column(connection, key, "simulated_s", float)
             elif of is not None:
                 values = ((each or {}).get(of) for each in _read_column(connection, key, "measured"))
-            events = _read_column(connection, key, "events") if any_events else [None] * len(seeds)
-            results.append(
-                PointTrials(
-                    number=number,
-                    key=key,
-                    axes=axes,
-                    scenario=read,
-                    times=np.where(cycles == NULL, np.nan, cycles),
-                    observed=censored == 0,
-                    seeds=array("q", seeds.tobytes()),
-                    measured=tuple(values),
-                    of=of,
-                    events=tuple(
-                        tuple(TrialEvent(**{**event, "robots": tuple(event["robots"])}) for event in each or ())
-                        for each in events
-                    ),
-                    has_t_sync=read.stop.has_t_sync and not (censored == NULL).any(),
-                )
+            events = _read_column(connection, key, "events") if any_events else ()
+            yield PointTrials(
+                number=number,
+                key=key,
+                axes=axes,
+                scenario=read,
+                times=np.where(cycles == NULL, np.nan, cycles),
+                observed=censored == 0,
+                seeds=array("q", seeds.tobytes()),
+                measured=tuple(values),
+                of=of,
+                events=tuple(
+                    tuple(TrialEvent(**{**event, "robots": tuple(event["robots"])}) for event in each or ())
+                    for each in events
+                ),
+                has_t_sync=read.stop.has_t_sync and not (censored == NULL).any(),
             )
-    return results
 
 
 def _having(stored: list[Any], where: str) -> list[Any]:
@@ -161,14 +163,22 @@ def _having(stored: list[Any], where: str) -> list[Any]:
     return [each for each, row in zip(stored, rows, strict=True) if canonical_text({key: row[key]}) in texts]
 
 
+BLOCK = 100_000  # trials that are read at once
+
+
 def read_ends(
     connection: sqlite3.Connection, key: str, trials: int = sys.maxsize
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return cycles, whether censored, and seeds of those of a point's first trials that have a result, (n,) each."""
     row = f"ifnull(cycles, {NULL}) || ',' || ifnull(censored, {NULL}) || ',' || seed"
-    stored = f"SELECT {row} AS row FROM trials WHERE point = ? AND trial < ? AND error IS NULL ORDER BY trial"
-    (text,) = connection.execute(f"SELECT group_concat(row) FROM ({stored})", (key, trials)).fetchone()
-    cycles, censored, seeds = read_numbers(text).reshape(-1, 3).T
+    stored = f"SELECT {row} AS row FROM trials WHERE point = ? AND trial >= ? AND trial < ? AND error IS NULL"
+    (last,) = connection.execute("SELECT ifnull(max(trial), 0) FROM trials WHERE point = ?", (key,)).fetchone()
+    found = [np.empty((0, 3), np.int64)]
+    for first in range(0, min(trials, last + 1), BLOCK):  # as text they take some five times the memory
+        block = key, first, min(trials, first + BLOCK)
+        (text,) = connection.execute(f"SELECT group_concat(row) FROM ({stored} ORDER BY trial)", block).fetchone()
+        found.append(read_numbers(text).reshape(-1, 3))
+    cycles, censored, seeds = np.concatenate(found).T
     return cycles, censored, seeds
 
 

@@ -6,7 +6,7 @@ to 98 % of all cases; percentiles of the bootstrap do in 78 to 96 % (docs/statis
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -419,7 +419,7 @@ class Summaries(list[PointSummary]):
         return self.table()._repr_html_()
 
 
-def summarize(points: Sequence[PointTrials]) -> Summaries:
+def summarize(points: Iterable[PointTrials]) -> Summaries:
     """Return the statistics of T_sync, or of the measure that was requested from `read_points`, at each point.
 
     Equal results give equal numbers.
@@ -430,8 +430,11 @@ def summarize(points: Sequence[PointTrials]) -> Summaries:
     Raises:
         StoreError: The measure is a series (see `statistics.curves`), or trials have no T_sync.
     """
-    made = [_summarize_point(point) for point in points]
-    return Summaries(made, quantity(points[0].of, made[0].unit) if points else quantity(None))
+    of, made = None, list[PointSummary]()
+    for point in points:
+        of = point.of
+        made.append(_summarize_point(point))
+    return Summaries(made, quantity(of, made[0].unit if made else ""))
 
 
 def _summarize_point(point: PointTrials) -> PointSummary:

@@ -23,9 +23,10 @@ from epuck_sim.runs import export as exporting
 from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.runs.database import ENTER_POINT
 from epuck_sim.runs.export import WRITERS, export
-from epuck_sim.runs.reader import Failure, Status, SweepTrials, TrialsByOrigin, read_points, read_status
+from epuck_sim.runs.reader import Failure, Status, SweepTrials, TrialsByOrigin, each_point, read_points, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario, points
+from epuck_sim.statistics.statistic import summarize
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.util.provenance import host, versions
@@ -49,6 +50,18 @@ def test_times_are_the_cycles_at_which_trials_ended_and_say_whether_synchrony_wa
         assert empty.times.shape == empty.observed.shape == (0,)
     for each in (none, some, still_none, one):
         assert (each.times.dtype, each.observed.dtype) == (np.float64, np.bool_)
+
+
+def test_points_are_read_one_after_the_other_a_block_of_trials_at_a_time(tmp_path, monkeypatch) -> None:
+    fill(tmp_path, DEMO)
+    every = read_points(tmp_path)
+    monkeypatch.setattr(reader, "BLOCK", 2)
+    each = each_point(tmp_path)
+    assert next(each).times.tolist() == every[0].times.tolist()
+    assert [(p.times.tolist(), p.observed.tolist(), list(p.seeds)) for p in each] == [
+        (p.times.tolist(), p.observed.tolist(), list(p.seeds)) for p in every[1:]
+    ]
+    assert summarize(each_point(tmp_path)) == summarize(every)
 
 
 def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -> None:
