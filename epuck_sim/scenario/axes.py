@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import T_SYNC_S
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range, ends_in
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
@@ -79,6 +79,13 @@ def is_logarithmic(key: str, values: npt.ArrayLike) -> bool:
     return bool(is_even and high >= EVEN_RATIO * low)
 
 
+def unknown_axis(key: str, axes: Collection[str]) -> str:
+    """Return the phrase for a key that is no axis: it is the ending of one, which is for typing only, or unknown."""
+    found = [axis for axis in axes if ends_in(axis, key)]
+    whole = f"{key} is the ending of a key; give the whole key, {' or '.join(found)}"
+    return whole if found else did_you_mean(key, axes)
+
+
 def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *, by_name: bool = False) -> str:
     """Choose the axis to draw against: the requested one, or a speed, or the one with the most distinct numbers.
 
@@ -90,7 +97,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
         numbers = {key: {repr(row[key]) for row in rows} for key in rows[0]}
     if requested is not None:
         if requested not in numbers:
-            said = f"{requested} is not numeric" if requested in rows[0] else did_you_mean(requested, numbers)
+            said = f"{requested} is not numeric" if requested in rows[0] else unknown_axis(requested, numbers)
             raise EpuckSimError(f"{origin}: {said}; axes{' with numbers' * (not by_name)}: {comma_list(numbers)}")
         return requested
     if not numbers:
@@ -116,7 +123,7 @@ def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels
     """Raise EpuckSimError if `panels` is not an axis beside `x`; `origin` is its name in messages."""
     others = other_axes(rows, x)
     if panels is not None and panels not in others:
-        raise EpuckSimError(f"{origin}: {did_you_mean(panels, others)}; other axes: {comma_list(others)}")
+        raise EpuckSimError(f"{origin}: {unknown_axis(panels, others)}; other axes: {comma_list(others)}")
 
 
 def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
@@ -130,7 +137,7 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
     others = other_axes(rows, x)
     for key, value in figure.base_case.items():
         if key not in others:
-            raise EpuckSimError(f"figure.base_case: {did_you_mean(key, others)}; other axes: {comma_list(others)}")
+            raise EpuckSimError(f"figure.base_case: {unknown_axis(key, others)}; other axes: {comma_list(others)}")
         if all(row[key] != value for row in rows):
             values = comma_list([short_repr(each) for each in {repr(row[key]): row[key] for row in rows}.values()])
             raise EpuckSimError(f"figure.base_case: {key} is {short_repr(value)}; allowed: {values}")
@@ -141,7 +148,7 @@ def check_labels(labels: Collection[str], axes: Collection[str], measures: Itera
     known = [*axes, "T_sync", T_SYNC_S, *measures]
     for key in labels:
         if key not in known:
-            raise EpuckSimError(f"{origin}: {did_you_mean(key, known)}; allowed: {comma_list(known)}")
+            raise EpuckSimError(f"{origin}: {unknown_axis(key, known)}; allowed: {comma_list(known)}")
 
 
 def other_axes(rows: Rows, *axes: str) -> list[str]:
