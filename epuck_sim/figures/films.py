@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.figures.saving import parse_target, save_figure
-from epuck_sim.figures.style import add_shared_legend, make_logarithmic
+from epuck_sim.figures.style import add_shared_legend, make_logarithmic, typeset
 from epuck_sim.overhead import ROUNDING
 from epuck_sim.overhead.annotate import TrackedFrame
 from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
@@ -192,7 +192,8 @@ def draw_comparison(rows: "Sequence[QuantityComparison]") -> Figure:
             notes.append("film: beyond its end")
         notes.append(f"film at {row.percentile:.0f} %")
         panel.set_title("\n".join(notes), fontsize="small", loc="left")
-        panel.set(xlabel=f"{row.name} ({row.unit})", ylabel="trials")
+        panel.set(xlabel=typeset(f"{row.name} ({row.unit})"), ylabel="trials")
+        panel.yaxis.set_major_locator(MaxNLocator(4, integer=True))
     for panel in panels[len(rows) :]:
         panel.set_axis_off()
     return figure

@@ -204,6 +204,12 @@ def test_a_dotted_line_is_the_limit_at_which_all_censored_trials_are_if_it_is_no
     assert panel.get_ylim()[0] < 300 < panel.get_ylim()[1] < 2000
 
 
+def test_a_long_limit_is_a_power_of_ten() -> None:
+    scenario = sweep({SPEED: [1, 2]}, 20, stop={"max_cycles": 10**7})
+    figure = read_form(in_memory(scenario, lambda point: weibull(point, 1e7)), {}).draw_figure()
+    assert "limit: $10^{7}$ cycles" in legend_texts(figure)
+
+
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else(panel) -> None:
     found, more, none = ({name: place.estimate.value for name, place in each.places.items()} for each in EXTREMA)
     assert not none

@@ -34,7 +34,8 @@ def test_the_percentile_counts_trials_with_smaller_values_and_beyond_the_end_of_
     assert compared(math.inf, [1, 2, math.inf, math.inf]).percentile == 75
     rounded = compared(5 + 1e-15, [5.0, 5.0, 5 + 2e-15])
     assert rounded.percentile == 50
-    draw_comparison([rounded])
+    panel, *_ = draw_comparison([rounded]).axes
+    assert (panel.get_xlabel(), panel.get_yticks().tolist()) == (r"$T_\mathrm{sync}$ (cycles)", [0, 1, 2, 3, 4])
     assert math.isnan(compared(math.nan, [1, 2]).percentile)
     assert math.isnan(compared(1.0, [math.nan]).percentile)
     unknown = compared(math.nan, [3.0, 4.0, 5.0])._replace(name="clocks")

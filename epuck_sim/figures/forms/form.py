@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.labels import axis_label, format_axis_values, format_value, short_files
-from epuck_sim.figures.style import GREY, finish, make_panels, shifted, style, typeset
+from epuck_sim.figures.style import GREY, PLAIN, finish, format_tick, make_panels, shifted, style, typeset
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, distinguishing_axes, numeric_axes
@@ -150,7 +150,8 @@ def end_scale(panels: Sequence[Axes], curves: Sequence[Curve], top: float) -> No
     limits = {each.horizon for curve in curves for each in curve.measured if each.censored}
     for panel in panels:
         if len(limits) == 1 and min(limits) <= top:
-            label = f"limit: {min(limits):g} {curves[0].measured[0].unit}"
+            shown = format_tick(min(limits), plain=min(limits) < PLAIN[1])
+            label = f"limit: {shown} {curves[0].measured[0].unit}"
             panel.axhline(min(limits), color=GREY, linestyle=":", label=label)
         panel.set_ylim(top=min(panel.get_ylim()[1], top))
 
