@@ -110,8 +110,7 @@ def read_form(
     check_labels(section.labels, points[0].axes, (measure.name for measure in scenario.measures), origin)
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
-    place = "theory:PredictedCurves" if name == "curves" and section.theory else FORMS[name][0]
-    module, _, member = place.partition(":")
+    module, _, member = FORMS[name][0].partition(":")
     found: type[Form] = getattr(import_module(f"epuck_sim.figures.forms.{module}"), member)
     section = section.model_copy(update={"labels": {**group_labels(scenario), **section.labels}})
     form = found.read(points, Choices(section, given.keys(), folder, prefix))

@@ -13,9 +13,8 @@ from matplotlib.lines import Line2D
 
 from epuck_sim import load_scenario, read_points
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms.curves import MAX_LINES, Curves, Series
+from epuck_sim.figures.forms.curves import EDGE, MAX_LINES, Curves, Series, predict_curves
 from epuck_sim.figures.forms.maps import Maps, read_maps
-from epuck_sim.figures.forms.theory import EDGE, PredictedCurves, predict_curves
 from epuck_sim.figures.forms.violins import Violins, read_violins
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.figures.style import has_log_scale
@@ -409,7 +408,7 @@ def of_nearest(k: int, speed: float):
 
 
 @pytest.fixture(scope="module")
-def form(folder) -> PredictedCurves:
+def form(folder) -> Curves:
     return read_form(folder, {"theory": True})
 
 
@@ -446,9 +445,8 @@ def test_a_scenario_asks_for_them_and_is_told_why_there_are_none_and_an_option_d
     points = read_points(folder)
     asks = load_scenario("particles", [*SETTINGS, "figure.theory=true"])
     points = [point._replace(scenario=asks.model_copy(update={"agents": point.scenario.agents})) for point in points]
-    assert isinstance(read_form(points, {}), PredictedCurves)
-    assert not isinstance(read_form(points, {"theory": False}), PredictedCurves)
-    assert not isinstance(read_form(folder, {}), PredictedCurves)
+    asked = [(points, {}), (points, {"theory": False}), (folder, {})]
+    assert [bool(read_form(*each).predicted) for each in asked] == [True, False, False]
     still = load_scenario("particles", [*SETTINGS, "figure.theory=true", "response.coupling=0"])
     points = [point._replace(scenario=still) for point in points]
     assert "response.coupling is 0" in read_form(points, {}).caption

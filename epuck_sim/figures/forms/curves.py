@@ -1,10 +1,13 @@
-"""Curves of T_sync, or of a measure, against speed or another axis: a line for each combination of the others."""
+"""Curves of T_sync, or of a measure, against speed or another axis: a line for each combination of the others.
+
+Predictions of theory, dashed, lie under curves of T_sync against speed.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from epuck_sim.arrays import FloatArray
 from epuck_sim.display.table import Row
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
+from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form, draw_trials, end_scale, joined, names_of, number_names
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
@@ -22,8 +25,18 @@ from epuck_sim.measures.measure import SERIES_COLUMNS, T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes, is_logarithmic
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import Curve, PointSeries, group_by_other_axes, read_curves, summarize_series
+from epuck_sim.statistics.curves import (
+    Curve,
+    PointSeries,
+    check_speed_alone,
+    group_by_other_axes,
+    read_curves,
+    summarize_series,
+)
 from epuck_sim.statistics.extrema import MIN_SPEEDS, PLACES, ExtremaSearch, Place, search_extrema
+
+if TYPE_CHECKING:  # or figures would wait for the models
+    from epuck_sim.theory.predict import Prediction
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what is estimated, cycles."""
@@ -36,6 +49,61 @@ MAX_EXTRAPOLATION = 100
 EXTREMUM: Any = {"markersize": 7, "markeredgecolor": "black"}  # looks of the minimum and the peak
 
 NOT_A_SPEED = ExtremaSearch({}, None, "the axis is no speed")
+
+PREDICTED_AXES = ("agents.speed_cm_s", "robots.0.parameters.speed_cm_s")  # axes over which there are predictions
+MOST_PREDICTED = 12  # largest number of curves that are predicted: each takes about a second
+SPEEDS = 60  # number of speeds at which a curve is predicted
+
+DASHES: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7, "zorder": 1.5}
+"""Looks of predictions, which lie under the results of trials."""
+
+PLACE: dict[str, Any] = {
+    "markerfacecolor": "white",
+    "markersize": 5,
+    "linewidth": 0.7,
+}  # looks of predicted V_m and V_p
+EDGE = 0.04  # length of the marks of the limits at the edges of a panel, as a share of its width
+
+CELLS = ("regime", "probability", "v_m", "v_p", "t_frozen", "frozen_share", "t_fast")  # cells of predictions' table
+
+CAPTION = (
+    "dashed is T_sync as predict computes it from who hears whom, without a trial: curves, at the left edge for "
+    "standing swarms, at the right for the fastest"
+)
+HOLLOW = "; hollow triangles are the predicted V_m (down) and V_p (up), with a standard deviation either way"
+
+
+class Predicted(NamedTuple):
+    """Prediction of a curve."""
+
+    speeds: FloatArray  # (S,) cm/s, ascending
+    times: FloatArray  # (S,) T_sync, cycles
+    at_any: "Prediction"  # what holds at all of these speeds
+
+    @property
+    def places(self) -> list[tuple[Estimate, str]]:
+        """V_m and V_p where they are within the speeds, and their markers."""
+        places = ((self.at_any.v_m_cm_s, "v"), (self.at_any.v_p_cm_s, "^"))
+        return [each for each in places if self.speeds[0] <= each[0].value <= self.speeds[-1]]
+
+
+def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
+    """Return predictions of curves of T_sync; raise EpuckSimError if the axis or a swarm cannot be predicted."""
+    from epuck_sim.theory.predict import predictor  # noqa: PLC0415 few figures need the models
+
+    if curves[0].of is not None or axis not in PREDICTED_AXES:
+        this = f"{curves[0].of or 'this'} is against {axis}"
+        raise EpuckSimError(f"predictions are of T_sync in cycles against {' or '.join(PREDICTED_AXES)}, but {this}")
+    if len(curves) > MOST_PREDICTED:
+        raise EpuckSimError(f"predictions are of up to {MOST_PREDICTED} curves, but these are {len(curves)}")
+    check_speed_alone(curves)
+    found = []
+    for curve in curves:
+        moving = curve.x[curve.x > 0]
+        speeds = np.geomspace(moving.min(), moving.max(), SPEEDS) if len(moving) else np.zeros(1)
+        at = [*map(predictor(curve.scenario), speeds.tolist())]
+        found.append(Predicted(speeds, np.array([each.t_sync.value for each in at]), at[0]))
+    return found
 
 
 @dataclass(kw_only=True)
@@ -53,7 +121,8 @@ class Curves(Form):
     curves: Sequence[Curve]
     names: Sequence[str] = ()  # values of the axis if they are no numbers; points are then at 0, 1 and so on
     split_by: str | None = None  # dotted key of the axis that has a panel for each of its values; None for one panel
-    others: list[FloatArray] = field(default_factory=list)  # further values for which panels must have room
+    predicted: Sequence[Predicted] = ()  # prediction of each curve; empty if there is none
+    unpredicted: str = ""  # why there is none, though the scenario asks for it
     placed: Sequence[tuple[str, str, style.Look]] = field(init=False)
     """Title of the panel, label and look of each curve; curves with one label, in several panels, look alike."""
 
@@ -70,7 +139,14 @@ class Curves(Form):
             )
         curves = read_curves(points, axis, Statistic(choices.section.statistic))
         check_panels(rows, axis, split_by, origin)
-        return cls.made(points, choices, axis=axis, curves=curves, names=names, split_by=split_by)
+        found: dict[str, Any] = {"axis": axis, "curves": curves, "names": names, "split_by": split_by}
+        try:
+            found["predicted"] = predict_curves(axis, curves) if choices.section.theory else ()
+        except EpuckSimError as error:
+            if "theory" in choices.given:
+                raise EpuckSimError(f"{choices.prefix}theory: {error}") from error
+            found["unpredicted"] = str(error)
+        return cls.made(points, choices, **found)
 
     def __post_init__(self) -> None:
         rows, names = [curve.axes for curve in self.curves], names_of(self.curves)
@@ -101,28 +177,36 @@ class Curves(Form):
 
     @property
     def tables(self) -> Mapping[str, str]:
-        """The points of the curves, and minima and peaks of T_sync against speed, which may be noise, or a reason."""
-        points = {".csv": curves_table(self.axis, self.curves, self.names)}
-        if NOT_A_SPEED in self.searches:
-            return points
-        rows = []
+        """The points of the curves; of T_sync against speed minima and peaks, or a reason; and predictions."""
+        rows: dict[str, list[Row]] = {"-regimes.csv": [], "-theory.csv": []}
         for curve, search in zip(self.curves, self.searches, strict=True):
             places = {name.lower(): search.places[name].estimate if search.places else UNDETERMINED for name in PLACES}
-            rows.append(Row(curve.axes, {**places, "p_value": search.p_value, "reason": search.reason}))
-        return {**points, "-regimes.csv": tabulate_rows(rows)}
+            if search is not NOT_A_SPEED:
+                row = Row(curve.axes, {**places, "p_value": search.p_value, "reason": search.reason})
+                rows["-regimes.csv"].append(row)
+        for curve, predicted in zip(self.curves, self.predicted, strict=False):
+            rows["-theory.csv"].append(Row(curve.axes, {name: predicted.at_any.cells[name] for name in CELLS}))
+        points = {".csv": curves_table(self.axis, self.curves, self.names)}
+        return points | {ending: tabulate_rows(each) for ending, each in rows.items() if each}
 
     @property
     def notes(self) -> Sequence[str]:
-        """Reasons why there are no bands or marks, if there can be none."""
+        """Reasons why there are no bands, marks or predictions, and what predictions leave out."""
         searched = zip(self.curves, self.searches, strict=True)
         many = (search.reason for curve, search in searched if len(curve.x) >= MIN_SPEEDS)  # few are plain to see
         reasons = [each for each in dict.fromkeys(many) if each not in ("", NOT_A_SPEED.reason)]
         notes = [f"no minimum and peak are looked for: {reason}" for reason in reasons]
         if any((curve.trials < MIN_TRIALS).any() for curve in self.curves):
             notes.insert(0, f"no bands where a point has fewer than {MIN_TRIALS} trials")
-        return notes
+        if self.unpredicted:
+            notes.append(f"no prediction: {self.unpredicted}")
+        if self.predicted:
+            notes.append(f"{CAPTION}{HOLLOW * any(each.places for each in self.predicted)}")
+        left_out = dict.fromkeys(note.removesuffix(".") for each in self.predicted for note in each.at_any.notes)
+        return [*notes, *left_out]
 
     def draw(self, panels: Sequence[Axes]) -> None:
+        self._draw_predictions(panels)
         x = joined(self.curves, "x")
         is_log = style.has_log_scale(self.of, joined(self.curves, "values"), self.settings.scale)
         top, beyond = self._ends(is_log)
@@ -150,10 +234,22 @@ class Curves(Form):
         self._label_marks(panels[0])
         end_scale(panels, self.curves, top)
 
+    def _draw_predictions(self, panels: Sequence[Axes]) -> None:
+        for panel, each, (*_, look) in zip(self.panels_of(panels), self.predicted, self.placed, strict=False):
+            speeds, times, at_any = each
+            looks: Any = {"color": look.colour, **DASHES}
+            panel.plot(speeds, times, **looks)
+            for limit, edge in ((at_any.t_sync_frozen, (0, EDGE)), (at_any.t_sync_fast, (1 - EDGE, 1))):
+                panel.plot(edge, (limit.value,) * 2, transform=panel.get_yaxis_transform(), **looks)
+            for place, marker in each.places:
+                ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
+                time = np.interp(np.log(place.value), np.log(speeds), times)
+                panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=look.colour, **PLACE)
+
     def _ends(self, is_log: bool) -> tuple[float, float]:
         """Return the highest end of the scale, and the upper end of bands that have no known end."""
         dots = [each.values for curve in self.curves for each in curve.measured if self.settings.points]
-        values = np.concatenate([joined(self.curves, "values"), *dots, *self.others])
+        values = np.concatenate([joined(self.curves, "values"), *dots, *(each.times for each in self.predicted)])
         known = values[np.isfinite(values)]
         if self.of not in T_SYNC:
             ends = joined(self.curves, "intervals")[:, 1]
@@ -193,6 +289,10 @@ class Curves(Form):
         if any(search.places for search in self.searches):
             for marker, label in (("v", "local minimum V_m"), ("^", "peak V_p")):
                 panel.plot([], [], marker, color=style.GREY, label=style.typeset(label), **EXTREMUM)
+        if self.predicted:
+            panel.plot([], [], color=style.GREY, label="predicted", **DASHES)
+        if any(each.places for each in self.predicted):
+            panel.plot([], [], "^", color=style.GREY, label=style.typeset("predicted V_m and V_p"), **PLACE)
 
 
 def curves_table(axis: str, curves: Sequence[Curve], values: Sequence[str] = ()) -> str:
