@@ -58,38 +58,36 @@ class Prediction(NamedTuple):
     notes: tuple[str, ...]  # what the prediction leaves out
 
     @property
+    def quantities(self) -> list[tuple[str, str, Any, str]]:
+        """Column in a table of several predictions, empty if it has none, name, value and unit of each quantity."""
+        regime, graph = self.intermediate_regime, self.graph
+        return [
+            ("regime", "intermediate regime", regime.verdict, ""),
+            ("probability", "its probability", Share(regime.probability), ""),
+            ("v_m", "V_m, minimum of T_sync", self.v_m_cm_s, "cm/s"),
+            ("v_p", "V_p, peak of T_sync", self.v_p_cm_s, "cm/s"),
+            ("t_sync", "T_sync at this speed", self.t_sync, "cycles"),
+            ("t_fast", "T_sync, fast limit", self.t_sync_fast, "cycles"),
+            ("t_frozen", "T_sync, standing swarms", self.t_sync_frozen, "cycles"),
+            ("frozen_share", "standing swarms that sync", Share(self.frozen_share.value), ""),
+            ("", "link lasts", self.link_cm, "cm"),
+            ("", "link lasts", self.link_cycles, "cycles"),
+            ("", "links an agent", graph.links, ""),
+            ("", "reciprocal links", Share(graph.reciprocity.value), ""),
+            ("", "heard, hear nobody", Share(graph.sources.value), ""),
+            ("", "frustrated clusters", Share(graph.frustrated.value), "of snapshots"),
+        ]
+
+    @property
     def cells(self) -> dict[str, Any]:
         """Cells of this prediction in a table of several."""
-        return {
-            "regime": self.intermediate_regime.verdict,
-            "probability": Share(self.intermediate_regime.probability),
-            "v_m": self.v_m_cm_s,
-            "v_p": self.v_p_cm_s,
-            "t_sync": self.t_sync,
-            "t_fast": self.t_sync_fast,
-            "t_frozen": self.t_sync_frozen,
-            "frozen_share": Share(self.frozen_share.value),
-        }
+        return {column: value for column, _, value, _ in self.quantities if column}
 
     def table(self) -> Table:
         """Return a table with a row for each quantity."""
-        rows: list[tuple[str, Any, str]] = [
-            ("intermediate regime", self.intermediate_regime.verdict, ""),
-            ("its probability", Share(self.intermediate_regime.probability), ""),
-            ("V_m, minimum of T_sync", self.v_m_cm_s, "cm/s"),
-            ("V_p, peak of T_sync", self.v_p_cm_s, "cm/s"),
-            ("T_sync at this speed", self.t_sync, "cycles"),
-            ("T_sync, fast limit", self.t_sync_fast, "cycles"),
-            ("T_sync, standing swarms", self.t_sync_frozen, "cycles"),
-            ("standing swarms that sync", Share(self.frozen_share.value), ""),
-            ("link lasts", self.link_cm, "cm"),
-            ("link lasts", self.link_cycles, "cycles"),
-            ("links an agent", self.graph.links, ""),
-            ("reciprocal links", Share(self.graph.reciprocity.value), ""),
-            ("heard, hear nobody", Share(self.graph.sources.value), ""),
-            ("frustrated clusters", Share(self.graph.frustrated.value), "of snapshots"),
+        made = [
+            Row({}, {"quantity": name, "predicted": value, "unit": unit}) for _, name, value, unit in self.quantities
         ]
-        made = [Row({}, {"quantity": name, "predicted": value, "unit": unit}) for name, value, unit in rows]
         return Table(self.scenario, made, (self.reason, BRACKETS, *self.notes))
 
 
