@@ -27,7 +27,6 @@ COLUMN_CM, PAGE_CM = 8.5, 17.5
 
 MIN_PANEL_CM = 4.0  # smallest width of a panel, cm; narrower ones have no room for their numbers
 MAX_PANELS = 64  # largest number of panels of a figure; one with more is neither legible nor quickly drawn
-NAME_LETTERS = 36  # number of letters for which there is room below the horizontal axis of a panel
 LETTERS_PER_CM = 52.0  # number of letters of one point on a centimetre
 MIN_LETTERS = 15  # smallest width of a panel in letters; numbers and labels cover narrower ones
 BAND = 0.15  # opacity of bands
@@ -225,10 +224,18 @@ def draw_crosses(panel: Axes, x: FloatArray, colour: str, label: str = "") -> No
 
 
 def set_names(panel: Axes, names: Sequence[str]) -> None:
-    """Write names, if there are any, at 0, 1 and so on of the horizontal axis, in lines for which there is room."""
-    if names:
-        lines = (textwrap.fill(name, max(1, NAME_LETTERS // len(names)), break_long_words=False) for name in names)
-        panel.set(xticks=range(len(names)), xticklabels=map(typeset, lines), xlim=(-0.5, len(names) - 0.5))
+    """Write names, if there are any, at 0, 1 and so on of the horizontal axis, in lines that have room, or aslant."""
+    if not names:
+        return
+    room_cm = 2.54 * panel.get_window_extent().width / panel.get_figure(root=True).dpi / len(names)
+    room = max(1, int(room_cm * LETTERS_PER_CM / rcParams["font.size"]))
+    lines = [textwrap.wrap(name.replace("_", "_ "), room, break_long_words=False) for name in names]
+    texts = ["\n".join(each).replace("_ ", "_") for each in lines]
+    looks: dict[str, Any] = {}
+    if max(len(line) for each in lines for line in each) > room:
+        texts, looks = list(names), {"rotation": 30, "ha": "right", "rotation_mode": "anchor"}
+    panel.set_xticks(range(len(names)), list(map(typeset, texts)), **looks)
+    panel.set_xlim(-0.5, len(names) - 0.5)
 
 
 PLAIN = (1e-3, 1e5)  # ends of the range whose numbers are written out; where a panel has others, all are powers of ten

@@ -491,6 +491,19 @@ def test_a_sweep_over_files_has_violins_by_their_names() -> None:
         assert all(to_hex(each.get_facecolor()[0]) == VIOLIN for each in panel.collections if each.get_facecolor().size)
 
 
+@pytest.mark.parametrize("count", [2, 4])
+def test_long_names_are_in_lines_or_aslant_so_that_none_covers_another(count: int) -> None:
+    key, names = "robots.0.controller", [f"{letter}_reorienting_firefly" for letter in "abcd"[:count]]
+    made = in_memory(sweep({SPEED: range(1, count + 1)}), lambda point: weibull(point, 100))
+    points = [point._replace(axes={key: name}) for point, name in zip(made, names, strict=True)]
+    (panel,) = laid_out(read_form(points, {}).draw_figure()).axes
+    labels = panel.get_xticklabels()
+    assert [label.get_text().replace("\n", "") for label in labels] == names
+    assert {label.get_rotation() for label in labels} == {0 if count == 2 else 30}
+    boxes = [label.get_window_extent() for label in labels]
+    assert count == 4 or not boxes[0].overlaps(boxes[1])
+
+
 def test_curves_over_names_are_points_with_bars_side_by_side_and_no_lines() -> None:
     key, files = "robots.0.controller", ["/me/once.py", "fire fly"]
     made = in_memory(sweep({COUNT: [3, 5], SPEED: [1, 2]}, 20), lambda point: weibull(point, 100 + point.number))
