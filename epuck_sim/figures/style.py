@@ -227,7 +227,9 @@ def set_names(panel: Axes, names: Sequence[str]) -> None:
     """Write names, if there are any, at 0, 1 and so on of the horizontal axis, in lines that have room, or aslant."""
     if not names:
         return
-    room_cm = 2.54 * panel.get_window_extent().width / panel.get_figure(root=True).dpi / len(names)
+    figure = panel.get_figure(root=True)
+    assert figure is not None
+    room_cm = 2.54 * panel.get_window_extent().width / figure.dpi / len(names)
     room = max(1, int(room_cm * LETTERS_PER_CM / rcParams["font.size"]))
     lines = [textwrap.wrap(name.replace("_", "_ "), room, break_long_words=False) for name in names]
     texts = ["\n".join(each).replace("_ ", "_") for each in lines]

@@ -10,7 +10,7 @@ from pyarrow import csv, parquet
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import Value
 from epuck_sim.runs.database import RESULT, as_column, reading
-from epuck_sim.runs.reader import measures_in
+from epuck_sim.runs.reader import BLOCK, measures_in
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -28,8 +28,6 @@ COLUMNS = {
 """Columns after those of the axes, and their types; `point` is the point's number in the sweep."""
 
 _AS_STORED = pa.schema({**COLUMNS, "censored": pa.int8(), "measured": pa.string(), "events": pa.string()})
-
-BLOCK = 10_000  # rows that are read at a time: as objects of Python they take some ten times the memory
 
 
 def export(folder: Path, target: Path) -> int:

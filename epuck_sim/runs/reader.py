@@ -130,11 +130,7 @@ def each_point(folder: Path | str, of: str | None = None, where: Sequence[str] |
                 said = f"the scenario of a point is of another version (its trials: {made[0] or 'none'})"
                 raise StoreError(f"{folder}: {said}: {error}") from error
             cycles, censored, seeds = read_ends(connection, key)
-            values: Iterable[Value] = ()
-            if of == T_SYNC_S:
-                values = _read_column(connection, key, "simulated_s", float)
-            elif of is not None:
-                values = ((each or {}).get(of) for each in _read_column(connection, key, "measured"))
+            column = ("simulated_s", float) if of == T_SYNC_S else ("measured", lambda text: json.loads(text).get(of))
             events = _read_column(connection, key, "events") if any_events else ()
             yield PointTrials(
                 number=number,
@@ -144,7 +140,7 @@ def each_point(folder: Path | str, of: str | None = None, where: Sequence[str] |
                 times=np.where(cycles == NULL, np.nan, cycles),
                 observed=censored == 0,
                 seeds=array("q", seeds.tobytes()),
-                measured=tuple(values),
+                measured=() if of is None else tuple(_read_column(connection, key, *column)),
                 of=of,
                 events=tuple(
                     tuple(TrialEvent(**{**event, "robots": tuple(event["robots"])}) for event in each or ())
@@ -163,7 +159,7 @@ def _having(stored: list[Any], where: str) -> list[Any]:
     return [each for each, row in zip(stored, rows, strict=True) if canonical_text({key: row[key]}) in texts]
 
 
-BLOCK = 100_000  # trials that are read at once
+BLOCK = 10_000  # trials that are read at once: as text or objects of Python they take some ten times the memory
 
 
 def read_ends(
@@ -174,7 +170,7 @@ def read_ends(
     stored = f"SELECT {row} AS row FROM trials WHERE point = ? AND trial >= ? AND trial < ? AND error IS NULL"
     (last,) = connection.execute("SELECT ifnull(max(trial), 0) FROM trials WHERE point = ?", (key,)).fetchone()
     found = [np.empty((0, 3), np.int64)]
-    for first in range(0, min(trials, last + 1), BLOCK):  # as text they take some five times the memory
+    for first in range(0, min(trials, last + 1), BLOCK):
         block = key, first, min(trials, first + BLOCK)
         (text,) = connection.execute(f"SELECT group_concat(row) FROM ({stored} ORDER BY trial)", block).fetchone()
         found.append(read_numbers(text).reshape(-1, 3))
