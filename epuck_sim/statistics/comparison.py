@@ -71,41 +71,28 @@ class Pair(NamedTuple):
         return any((~each.observed & (each.values < each.limit)).any() for each in self)
 
 
-Parts = list[tuple[float, int]]  # variance of each term of a sum, and its degrees of freedom
-
-
-class Contrast(NamedTuple):
-    """The difference of the means of two samples, the second minus the first, or of their logarithms."""
-
-    estimate: Estimate  # without an interval if a sample has too few trials, or no error
-    parts: Parts
-
-
 def pair_up(first: Measured, second: Measured) -> Pair:
     """Return two samples, cut at the lower of their horizons if trials are censored, unless none is known up to it."""
     cut = restrict((first, second))
     return Pair(*cut) if any(each.observed.any() for each in cut) else Pair(first, second)
 
 
-def contrast(pair: Pair, *, of_logarithms: bool) -> Contrast:
-    """Return the difference of the means of two samples, or of their logarithms, with Welch's interval."""
+def contrast(pair: Pair, *, of_logarithms: bool) -> MeanError:
+    """Return the difference of the means of two samples, or of their logarithms; its error is 0 if it is not known."""
     first, second = means = [mean_and_error(each) for each in pair]
     is_known = pair.is_comparable and min(first.error, second.error) > 0  # trials that are all censored show no error
     if of_logarithms:
         first, second = means = [MeanError(math.log(mean), error / mean, freedom) for mean, error, freedom in means]
-    parts = [(each.error**2, each.freedom) for each in means]
-    value = second.mean - first.mean
-    return Contrast(student_estimate(value, *welch(parts)) if is_known else Estimate(value), parts)
+    return welch(second.mean - first.mean, means if is_known else [])
 
 
-def mean_contrast(contrasts: Sequence[Contrast]) -> Estimate:
-    """Return the unweighted mean of the contrasts that have intervals."""
-    known = [each for each in contrasts if each.estimate.has_interval]
+def mean_contrast(contrasts: Sequence[MeanError]) -> Estimate:
+    """Return the unweighted mean of the contrasts whose errors are known."""
+    known = [each for each in contrasts if each.error > 0]
     if not known:
         return UNDETERMINED
-    count = len(known)
-    parts = [(variance / count**2, freedom) for each in known for variance, freedom in each.parts]
-    return student_estimate(sum(each.estimate.value for each in known) / count, *welch(parts))
+    shares = [each._replace(error=each.error / len(known)) for each in known]
+    return student_estimate(*welch(sum(each.mean for each in known) / len(known), shares))
 
 
 def mean_share_difference(differences: Sequence[Estimate]) -> Estimate:
@@ -119,11 +106,11 @@ def mean_share_difference(differences: Sequence[Estimate]) -> Estimate:
     return Estimate(value, value - below, value + above)
 
 
-def welch(parts: Parts) -> tuple[float, float]:
-    """Return the standard error of a sum of terms, and its degrees of freedom (Welch 1947)."""
-    variance = sum(part for part, _ in parts)
-    spread = sum(part**2 / max(freedom, 1) for part, freedom in parts)
-    return math.sqrt(variance), variance**2 / spread if spread else math.inf
+def welch(value: float, terms: Sequence[MeanError]) -> MeanError:
+    """Return the sum of terms, given as a value, with its standard error and degrees of freedom (Welch 1947)."""
+    variance = sum(each.error**2 for each in terms)
+    spread = sum(each.error**4 / max(each.freedom, 1) for each in terms)
+    return MeanError(value, math.sqrt(variance), variance**2 / spread if spread else math.inf)
 
 
 Permuted = tuple[FloatArray, FloatArray]
@@ -349,7 +336,7 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
         p_value = share_as_large(studentised(permuted)) if permuted else math.nan
     contrasts = [contrast(pair, of_logarithms=is_ratio) for pair in good]
     each = zip(good, contrasts, strict=True)
-    estimates = [share_difference(*pair) if pair.is_share else found.estimate for pair, found in each]
+    estimates = [share_difference(*pair) if pair.is_share else student_estimate(*found) for pair, found in each]
     mean = mean_share_difference(estimates) if all(pair.is_share for pair in good) else mean_contrast(contrasts)
     tested = iter(zip(p_values, estimates, strict=True))
     return Comparison(

@@ -237,7 +237,7 @@ class MeanError(NamedTuple):
 
     mean: float
     error: float  # standard error; 0 for one trial, and if all trials have one value
-    freedom: int  # degrees of freedom of the error
+    freedom: float  # degrees of freedom of the error
 
 
 def estimate_mean(measured: Measured, level: float = LEVEL) -> Estimate:

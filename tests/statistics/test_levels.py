@@ -14,7 +14,7 @@ from epuck_sim.statistics import sequential
 from epuck_sim.statistics.comparison import contrast, mean_contrast, pair_up, permute, share_as_large, studentised
 from epuck_sim.statistics.planning import plan_trials, trials_for_shares, trials_needed
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_level, look_sizes
-from epuck_sim.statistics.statistic import Measured, cut, estimate_mean
+from epuck_sim.statistics.statistic import Measured, cut, estimate_mean, student_estimate
 from tests.runs.made_folders import SHAPE, SPEED, SPEEDS, ended, in_memory, sweep, weibull
 from tests.statistics.fits import lognormal, measured, times
 
@@ -43,7 +43,7 @@ def test_intervals_of_differences_and_ratios() -> None:
     held = []
     for seed in range(400):
         pair = pair_up(lognormal(50, 10, 2 * seed), lognormal(100, 20, 2 * seed + 1))
-        difference, log_ratio = (contrast(pair, of_logarithms=each).estimate for each in (False, True))
+        difference, log_ratio = (student_estimate(*contrast(pair, of_logarithms=each)) for each in (False, True))
         held.append((difference.low <= 50 <= difference.high, log_ratio.low <= math.log(2) <= log_ratio.high))
     assert (np.mean(held, axis=0) > 0.9).all()
 
