@@ -226,15 +226,9 @@ class ExtremaSearch(NamedTuple):
 
 
 def search_extrema(curve: Curve) -> ExtremaSearch:
-    """Look for the local minimum and the peak of a curve over speed.
-
-    Speeds with fewer than `extrema.MIN_TRIALS` trials, or where half of them or more are censored, are left out.
-    """
-    moving = curve.x > 0
-    tried = moving & (curve.trials >= MIN_TRIALS)
-    usable = tried & (curve.censored < MOST_CENSORED) & np.isfinite(curve.values)
-    reason = _reason_against(curve, moving, tried, usable)
-    if reason:
+    """Look for the local minimum and the peak of a curve over speed, at the points that `_usable` returns."""
+    tried, usable = _usable(curve)
+    if reason := _reason_against(curve, tried, usable):
         return ExtremaSearch({}, None, reason)
     found = find_minimum_and_peak(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
     if found is None:
@@ -242,8 +236,24 @@ def search_extrema(curve: Curve) -> ExtremaSearch:
     return ExtremaSearch(dict(zip(PLACES, found.places, strict=False)), found.p_value, "")
 
 
-def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: BoolArray) -> str:
-    speeds, enough, left = (np.count_nonzero(chosen) for chosen in (moving, tried, usable))
+def search_measure(curve: Curve) -> tuple[Extrema | None, Extrema | None, str]:
+    """Look for the minimum and the peak of a curve of a measure; None, and why, where they cannot be looked for."""
+    _, usable = _usable(curve)
+    if reason := _reason_against_measure(curve, usable):
+        return None, None, reason
+    fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
+    assert fit is not None  # there are `MIN_SPEEDS` points or more
+    return find_minimum(fit), find_peak(fit), ""
+
+
+def _usable(curve: Curve) -> tuple[BoolArray, BoolArray]:
+    """Return which points have `MIN_TRIALS` trials, and which of these are not censored by half or more, (S,) each."""
+    tried = (curve.x > 0) & (curve.trials >= MIN_TRIALS)
+    return tried, tried & (curve.censored < MOST_CENSORED) & np.isfinite(curve.values)
+
+
+def _reason_against(curve: Curve, tried: BoolArray, usable: BoolArray) -> str:
+    speeds, enough, left = (np.count_nonzero(chosen) for chosen in (curve.x > 0, tried, usable))
     if speeds < MIN_SPEEDS:
         return f"{speeds} speeds; a minimum and a peak need {MIN_SPEEDS}"
     if enough < MIN_SPEEDS:
@@ -262,6 +272,22 @@ def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: B
         return (
             f"half of the trials or more are censored from V = {hidden[0]:g} to {hidden[-1]:g} cm/s, where a peak may "
             "be: raise stop.max_cycles"
+        )
+    return ""
+
+
+def _reason_against_measure(curve: Curve, usable: BoolArray) -> str:
+    positive, left = np.count_nonzero(curve.x > 0), np.count_nonzero(usable)
+    if curve.is_share:
+        return "the measure is a truth value, and the search is in logarithms, which shares do not suit"
+    if (curve.values[usable] <= 0).any() or (curve.resampled[:, usable] <= 0).any():
+        return "not all values are positive, and the search is in logarithms"
+    if positive < MIN_SPEEDS:
+        return f"{positive} positive values of the axis; a minimum and a peak need {MIN_SPEEDS}"
+    if left < MIN_SPEEDS:
+        return (
+            f"fewer than {MIN_TRIALS} trials with a value at {positive - left} of {positive} points, where noise "
+            f"can look like a rise; give --trials {MIN_TRIALS} or more"
         )
     return ""
 

@@ -19,21 +19,17 @@ from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import Curve, check_speed_alone, group_by_other_axes, sweep_curves
+from epuck_sim.statistics.curves import check_speed_alone, group_by_other_axes, sweep_curves
 from epuck_sim.statistics.extrema import (
     FAST_FACTOR,
-    MIN_SPEEDS,
-    MIN_TRIALS,
     PLACES,
     Extrema,
     Place,
     find_fast_speed,
-    find_minimum,
-    find_peak,
     search_extrema,
-    smooth_logs,
+    search_measure,
 )
-from epuck_sim.statistics.statistic import MOST_CENSORED, measure, quantity, student_estimate
+from epuck_sim.statistics.statistic import measure, quantity, student_estimate
 from epuck_sim.statistics.survival import fit_log_normal
 from epuck_sim.util.messages import counted, shortest_endings
 
@@ -139,19 +135,6 @@ def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatA
     return OffsetLaw(factor, offset, float(1 - unexplained / total) if total else np.nan)
 
 
-def compare_laws(
-    laws: Mapping[str, Law], parameters: Parameters, quantities: Mapping[str, Quantity]
-) -> list[Comparison]:
-    """Fit the law of each quantity, and return the exponents beside those of the thesis."""
-    rows: list[Comparison] = []
-    for name, numbers in quantities.items():
-        fit = fit_power_law(laws[name], parameters, *numbers)
-        for parameter, exponent in fit.exponents.items():
-            term = laws[name][parameter]
-            rows.append(Comparison(name, parameter, term.form, exponent, term.exponent, fit.curves, fit.misfit))
-    return rows
-
-
 def _without_gaps(values: FloatArray, resampled: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Return which curves are known, (C,), their values, (K,), and their resamples, (B, K), without gaps.
 
@@ -239,18 +222,19 @@ def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> li
         model, (places, p_value, reason) = curve.scenario.model, search_extrema(curve)
         if "V_f" in LAWS.get(model, {}) and (v_f := find_fast_speed(curve)):
             places = {**places, "V_f": v_f}
-        fitted = FittedCurve(
-            run=str(points.folder),
-            axes=curve.axes,
-            parameters=curve.scenario.scales,
-            others=_other_settings(curve.scenario),
-            model=model,
-            names=list(dict.fromkeys(curve.names)),
-            places=places,
-            p_value=p_value,
-            reason=reason,
+        found.append(
+            FittedCurve(
+                run=str(points.folder),
+                axes=curve.axes,
+                parameters=curve.scenario.scales,
+                others=_other_settings(curve.scenario),
+                model=model,
+                names=list(dict.fromkeys(curve.names)),
+                places=places,
+                p_value=p_value,
+                reason=reason,
+            )
         )
-        found.append(fitted)
     return found
 
 
@@ -286,8 +270,13 @@ def _fit_laws(alike: Sequence[FittedCurve]) -> Laws:
         if any(place is not missing for place in places):
             values = np.array([place.estimate.value for place in places])
             quantities[name] = values, np.stack([place.resampled for place in places], axis=1)
+    laws, exponents = LAWS.get(model, LAWS["embodied"]), list[Comparison]()
     try:
-        exponents = compare_laws(LAWS.get(model, LAWS["embodied"]), parameters, quantities)
+        for name, numbers in quantities.items():
+            fit = fit_power_law(laws[name], parameters, *numbers)
+            for parameter, exponent in fit.exponents.items():
+                term, known = laws[name][parameter], (fit.curves, fit.misfit)
+                exponents.append(Comparison(name, parameter, term.form, exponent, term.exponent, *known))
     except ValueError as error:
         return Laws(model, shared, len(alike), [], {}, str(error))
     several = f"{counted(len(alike), 'curve')} with {FOUND.get(model, FOUND['embodied'])}"
@@ -398,32 +387,9 @@ def fit_measure(
     chosen, curves = sweep_curves(points, axis, statistic)
     found = []
     for curve in curves:
-        usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & (curve.censored < MOST_CENSORED)
-        usable &= np.isfinite(curve.values)
-        minimum = peak = None
-        if not (reason := _reason_against(curve, usable)):
-            fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
-            assert fit is not None  # there are `MIN_SPEEDS` points or more
-            minimum, peak = find_minimum(fit), find_peak(fit)
         head = str(points.folder), curve.of or "T_sync", chosen, curve.axes, curve.names[0]
-        found.append(MeasureFit(*head, minimum, peak, reason))
+        found.append(MeasureFit(*head, *search_measure(curve)))
     return found
-
-
-def _reason_against(curve: Curve, usable: BoolArray) -> str:
-    positive, left = np.count_nonzero(curve.x > 0), np.count_nonzero(usable)
-    if curve.is_share:
-        return "the measure is a truth value, and the search is in logarithms, which shares do not suit"
-    if (curve.values[usable] <= 0).any() or (curve.resampled[:, usable] <= 0).any():
-        return "not all values are positive, and the search is in logarithms"
-    if positive < MIN_SPEEDS:
-        return f"{positive} positive values of the axis; a minimum and a peak need {MIN_SPEEDS}"
-    if left < MIN_SPEEDS:
-        return (
-            f"fewer than {MIN_TRIALS} trials with a value at {positive - left} of {positive} points, where noise "
-            f"can look like a rise; give --trials {MIN_TRIALS} or more"
-        )
-    return ""
 
 
 def measure_fit_table(fits: Sequence[MeasureFit]) -> Table:

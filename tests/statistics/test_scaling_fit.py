@@ -281,8 +281,12 @@ def test_every_law_is_compared_with_the_thesis_where_it_names_an_exponent(model)
     laws = LAWS[model]
     truths = {name: {key: term.exponent or 0.0 for key, term in law.items()} for name, law in laws.items()}
     values = {name: values_of(law, 0.1, truths[name]) for name, law in laws.items()}
-    quantities = {name: (column, np.tile(column, (20, 1))) for name, column in values.items()}
-    rows = fitting.compare_laws(laws, PARAMETERS, quantities)
+    curves = []
+    for place in range(len(PARAMETERS["L"])):
+        parameters = {name: float(column[place]) for name, column in PARAMETERS.items()}
+        places = {name: Place(Estimate(column[place]), np.tile(column[place], 20)) for name, column in values.items()}
+        curves.append(FittedCurve("run", {}, parameters, "the same", model, ["mean"], places, None, ""))
+    rows = fit_laws(curves)[0].exponents
     assert [(row.quantity, row.parameter) for row in rows] == [(q, p) for q in laws for p in PARAMETERS]
     for row in rows:
         assert row.exponent.value == pytest.approx(truths[row.quantity][row.parameter], abs=1e-9)
