@@ -1,8 +1,6 @@
 """The arena from above as SVG: floor, walls, obstacles, lamps, and robots or agents with numbers and lit rings."""
 
 import math
-import struct
-import zlib
 from base64 import b64encode
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -12,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arena import Arena, floor_levels
-from epuck_sim.arrays import BoolArray, ByteArray, FloatArray
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.display.html import element
 
 SIDE_PX = 320  # longer side of a picture in pixels
@@ -72,7 +70,10 @@ def _draw_floor(arena: Arena) -> Iterator[Element]:
     floor, size = arena.floor, {"width": arena.width_cm, "height": arena.height_cm}
     if floor.picture.size:
         levels = floor_levels(replace(arena, floor=replace(floor, patches=floor.patches[:0])), SIDE_PX)
-        yield element("image", href=_png_address(levels), preserveAspectRatio="none", **size)
+        import cv2  # noqa: PLC0415 is needed, and installed, where there are pictures
+
+        png = b64encode(cv2.imencode(".png", levels)[1].tobytes()).decode()
+        yield element("image", href=f"data:image/png;base64,{png}", preserveAspectRatio="none", **size)
     else:
         yield element("rect", fill=_grey(floor.brightness), **size)
     for patch in floor.patches:
@@ -87,17 +88,6 @@ def _draw_floor(arena: Arena) -> Iterator[Element]:
 
 def _grey(brightness: float) -> str:
     return "#" + 3 * f"{round(255 * brightness):02x}"
-
-
-def _png_address(levels: ByteArray) -> str:
-    """Return (rows, columns) grey levels as the address of a PNG that holds its data, so that no file is needed."""
-    rows, columns = levels.shape
-    lines = np.hstack([np.zeros((rows, 1), np.uint8), levels])  # each begins with the number of its filter: none
-    header = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
-    png = b"\x89PNG\r\n\x1a\n"
-    for kind, content in ((b"IHDR", header), (b"IDAT", zlib.compress(lines.tobytes(), 9)), (b"IEND", b"")):
-        png += struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-    return f"data:image/png;base64,{b64encode(png).decode()}"
 
 
 def _draw_robot(
