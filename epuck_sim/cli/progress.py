@@ -167,8 +167,9 @@ class SweepProgressBar(_ProgressLine):
         if self.progress is None and progress.stored:
             self._at_limit = dict.fromkeys(range(len(self.points)), -math.inf)  # stored ends are unknown
         self.progress = progress
-        if self.points and progress.last and progress.last.error is None:
-            self._note(self.points[progress.last.point], is_censored=progress.last.censored == 1)
+        for outcome in progress.last if self.points else ():
+            if outcome.error is None:
+                self._note(self.points[outcome.point], is_censored=outcome.censored == 1)
         now = time.monotonic()
         if progress.ended and self._began is None:
             self._began = now  # the first trial waits for workers to start, so that its time is not typical

@@ -34,7 +34,7 @@ class SweepProgress(NamedTuple):
     """Number of stored trials that were not synchronised; None as long as none of them has a T_sync."""
     failed: int  # number of trials that failed in this run, as trials or for a measure that was added
     ended: int  # number of trials that ended in this run, with a result or with an error
-    last: Outcome | None = None  # the last of these
+    last: Sequence[Outcome] = ()  # the last of these, which were stored together
     narrow: int | None = None  # number of points whose intervals are narrow enough; None without `until`
 
 
@@ -56,7 +56,7 @@ def run_sweep(
         folder: The run folder, which is made if it does not exist.
         workers: Number of processes, by default as many as there are cores; or a function that opens a pool of
             workers elsewhere, such as `epuck_sim.sweep.cluster.DaskCluster(address).open`.
-        observer: Called with the progress before the first trial and after each.
+        observer: Called with the progress before the first trial, and each time when trials have been stored.
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
         until: Decides at which points trials are added; `trials` of the scenario is the most at a point.
@@ -101,24 +101,27 @@ def run_sweep(
         kinds = first_of_each_kind(all_points, wanted, finished, interpret)
         with closing(scheduler.schedule(queue, kinds, open_pool)) as chunks:
             for outcomes in chunks:
-                for outcome, is_stored in zip(outcomes, store.add(outcomes), strict=True):
-                    trials, censored = progress.trials, progress.censored
-                    if until is not None and (added := until.end_trial(outcome.point)):
-                        tasks = [_task(all_points[number], trial, interpret) for number, trial in added]
-                        queue.add(tasks, until.width(outcome.point))
-                        trials += len(added)
-                    if is_stored and outcome.censored is not None:
-                        censored = (censored or 0) + outcome.censored
-                    progress = SweepProgress(
-                        trials=trials,
-                        stored=progress.stored + is_stored,
-                        censored=censored,
-                        failed=progress.failed + (not is_stored),
-                        ended=progress.ended + 1,
-                        last=outcome,
-                        narrow=None if until is None else until.narrow,
-                    )
-                    observer(progress)
+                are_stored = store.add(outcomes)
+                trials, censored = progress.trials, progress.censored
+                if until is not None:
+                    for point in (outcome.point for outcome in outcomes):
+                        if added := until.end_trial(point):
+                            tasks = [_task(all_points[number], trial, interpret) for number, trial in added]
+                            queue.add(tasks, until.width(point))
+                            trials += len(added)
+                ends = [outcome.censored for outcome, is_stored in zip(outcomes, are_stored, strict=True) if is_stored]
+                if known := [end for end in ends if end is not None]:
+                    censored = (censored or 0) + sum(known)
+                progress = SweepProgress(
+                    trials=trials,
+                    stored=progress.stored + len(ends),
+                    censored=censored,
+                    failed=progress.failed + len(outcomes) - len(ends),
+                    ended=progress.ended + len(outcomes),
+                    last=outcomes,
+                    narrow=None if until is None else until.narrow,
+                )
+                observer(progress)
     return progress
 
 

@@ -69,10 +69,10 @@ class Stopped(Exception):  # noqa: N818 no error
 
 
 def stopper(after: int) -> Callable[[SweepProgress], None]:
-    """Return an observer that stops a run after so many trials."""
+    """Return an observer that stops a run after so many trials, or those that were stored together with them."""
 
     def stop(progress: SweepProgress) -> None:
-        if progress.ended == after:
+        if progress.ended >= after:
             raise Stopped
 
     return stop
