@@ -22,7 +22,7 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.display.table import csv_text
-from epuck_sim.replication.claims import SHIPPED, Check, Claims, read_claims
+from epuck_sim.replication.claims import Check, Claims, read_claims
 from epuck_sim.replication.page import read_contents, write_replication
 from epuck_sim.replication.sweeps import Trials, needed_sweeps, sweep_folder
 from epuck_sim.replication.verdicts import reduction
@@ -160,7 +160,7 @@ def write_page(claims: Claims, scenarios: dict[str, Scenario], folder: Path) -> 
 
 def main(*folders: str) -> None:
     """Write the tables of the run folders in a folder, if one is given; then the page, and say what is new in it."""
-    claims = read_claims(SHIPPED)
+    claims = read_claims()
     scenarios = needed_sweeps(claims, claims.claims)
     for given in folders:
         found = {sweep: sweep_folder(Path(given), sweep) for sweep in scenarios}

@@ -15,6 +15,7 @@ from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.environments.rewards import REWARD, find_reward
 from epuck_sim.errors import ControllerError, CurveError, ScenarioError
 from epuck_sim.measures.measure import MEASURE, find_measure
+from epuck_sim.replication.claims import CLAIMS, read_claims
 from epuck_sim.runs.sources import own_files
 from epuck_sim.scenario.loader import SCENARIO, load_scenario
 from epuck_sim.scenario.particles import CURVE, find_curve
@@ -31,7 +32,7 @@ def look_again() -> None:
     """Forget what is installed."""
     importlib.invalidate_caches()
     user_files.installed.cache_clear()
-    for kind in (CONTROLLER, SENSOR, ROBOT, MEASURE, CURVE, REWARD, SCENARIO):
+    for kind in (CONTROLLER, SENSOR, ROBOT, MEASURE, CURVE, REWARD, CLAIMS, SCENARIO):
         vars(kind).pop("offers", None)
 
 
@@ -130,9 +131,13 @@ def test_the_docs_show_one_of_them():
         assert (PACKAGES / "crowding" / file).read_text() in shown
 
 
-def test_a_curve_and_a_reward_may_come_from_packages_and_a_file_without_a_reward_is_refused(site, tmp_path):
+def test_a_curve_a_reward_and_claims_may_come_from_packages_and_a_file_without_a_reward_is_refused(site, tmp_path):
     path = install(site, "bends", "curves", "bent", "bends.bent", CURVE_FILE)
     install(site, "prizes", "rewards", "calm", "prizes", "def reward(situation):\n    return -situation.time_s\n")
+    install(site, "paper", "claims", "ours", "paper.ours")
+    write(site / "paper" / "__init__.py", "")
+    write(site / "paper" / "ours.yaml", "claims: [{id: A1, section: '9', claim: so, not_asked: why}]")
+    assert [claim.id for claim in read_claims("ours").claims] == ["A1"]
     curve = find_curve("bent")
     assert (curve.name, curve.phase_shift(0.5, 1.0, None)) == ("bent", 0.25)
     by_name, by_path = (load_scenario("particles", [f"response.curve={curve}"]) for curve in ("bent", path))

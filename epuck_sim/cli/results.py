@@ -340,7 +340,7 @@ def replicate(
     claims: Annotated[list[str] | None, argument("CLAIM", "Claims, such as R36; all by default.")] = None,
     out: Annotated[Path, option("FOLDER", "Folder of the page and its run folders.")] = Path("replication"),
     file: Annotated[
-        Path | None, option("--claims FILE.yaml", "Test the claims in this file instead of the thesis's.")
+        str | None, option("--claims FILE.yaml", "Test the claims in this file instead of the thesis's.")
     ] = None,
     only_list: Annotated[bool, option("--list", "Print the claims, and run nothing.")] = False,
     until_decided: Annotated[
@@ -358,9 +358,9 @@ def replicate(
         (cpu_hours is not None and not until_decided, "--cpu-hours is a limit of --until-decided, which is not given"),
     )
     from epuck_sim.cli.tables import terminal_width
-    from epuck_sim.replication.claims import SHIPPED, read_claims
+    from epuck_sim.replication.claims import read_claims
 
-    known = read_claims(file or SHIPPED)
+    known = read_claims(file or "thesis")
     chosen = known.choose(tuple(claims or ()))
     if only_list:
         for claim in chosen:

@@ -13,9 +13,17 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, problems_in
 from epuck_sim.scenario.yaml_io import read_yaml
+from epuck_sim.user_files import Kind
 from epuck_sim.util.messages import comma_list, did_you_mean
 
-SHIPPED = Path(__file__).with_name("claims.yaml")  # the claims of the thesis
+CLAIMS = Kind(
+    noun="claim",
+    error=EpuckSimError,
+    suffixes=(".yaml",),
+    group="epuck_sim.claims",
+    shipped=lambda: {"thesis": Path(__file__).with_name("claims.yaml")},
+)
+"""How files of claims are found."""
 
 RISE = 1.1
 """Ratio of means above which T_sync rises, and below which it does not, in all claims: the base case has 1.17."""
@@ -215,11 +223,12 @@ class Claims(ConfigModel):
         return tuple(claim for claim in self.claims if not names or claim.id in names)
 
 
-def read_claims(path: Path = SHIPPED) -> Claims:
-    """Read claims from a YAML file, those of the thesis by default; files of scenarios may lie beside it.
+def read_claims(name: str | Path = "thesis") -> Claims:
+    """Read claims from a YAML file, or those that the thesis or a package has; files of scenarios may lie beside them.
 
     EpuckSimError is raised with the first mistake in the file: file, claim, by its id, key, and what is allowed.
     """
+    path = CLAIMS.locate(str(name)).path or Path()
     given = read_yaml(path)
     try:
         claims = Claims.model_validate(given)
@@ -228,9 +237,9 @@ def read_claims(path: Path = SHIPPED) -> Claims:
         if in_claim := re.match(r"claims\.(\d+)", said):
             claim, number = given["claims"][int(in_claim[1])], in_claim[1]
             said = f"{claim.get('id', number) if isinstance(claim, dict) else number}{said[in_claim.end() :]}"
-        raise EpuckSimError(f"{path}: {said}") from error
+        raise EpuckSimError(f"{name}: {said}") from error
     sweeps = dict(claims.sweeps)
-    for name, asked in claims.sweeps.items():
+    for sweep, asked in claims.sweeps.items():
         if (file := path.parent / asked.scenario).is_file():
-            sweeps[name] = asked.model_copy(update={"scenario": str(file)})
+            sweeps[sweep] = asked.model_copy(update={"scenario": str(file)})
     return claims.model_copy(update={"sweeps": sweeps})

@@ -59,7 +59,7 @@ class Contents(NamedTuple):
     """The sweeps of these claims: points, computing time, s, and number of trials that failed."""
     claims: Claims  # the file of claims
     looks: int  # most looks at a sweep; 1 if no sweep has more trials than its scenario
-    file: Path | None = None  # the file of claims, if they are not the thesis's
+    file: str | None = None  # the file of claims, if they are not the thesis's
 
     @property
     def has_all(self) -> bool:
@@ -73,7 +73,7 @@ def read_contents(
     scenarios: Mapping[str, Scenario],
     trials: Trials,
     folder: Path,
-    file: Path | None = None,
+    file: str | None = None,
     looks: int = 1,
 ) -> Contents:
     """Test the chosen claims on the stored trials of their sweeps, whose scenarios are given by name.
@@ -123,7 +123,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     """
     answers, file = contents.answers, contents.file
     names = [] if contents.has_all else [answer.claim.id for answer in answers]
-    asked = [] if file is None else ["--claims", str(file)]
+    asked = [] if file is None else ["--claims", file]
     command = shlex.join(["epuck-sim", "replicate", *names, *asked, "--out", str(contents.folder)])
     counts = Counter(answer.verdict for answer in answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
