@@ -148,8 +148,8 @@ def shown_steps(
     """
     swarm, robots, widest = scene.swarm, scene.swarm.robots, scenario.camera_pixels
     sources: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []  # copies, and from where each step takes them
-    poses = poses_of(robots)
-    if scenario.members_change:
+    poses, members_change = poses_of(robots), scenario.members_change
+    if members_change:
         sources.append((poses.copy(), poses))
         poses = sources[0][0]
     if all(group.pixels == widest for group in scenario.robots):
@@ -174,7 +174,7 @@ def shown_steps(
     def show(number: int, time_s: float) -> Step:
         for copy, source in sources:
             copy[:] = source
-        if scenario.members_change:
+        if members_change:
             poses[~robots.present] = np.nan
         return Step._make((number, time_s, *shown, {}))
 
