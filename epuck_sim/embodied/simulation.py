@@ -34,7 +34,7 @@ from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import GroupControllers, OwnSensor, RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.faults import begin_or_end
-from epuck_sim.scenario.changes import TimedEntries, TrialEvent
+from epuck_sim.scenario.changes import TrialEvent, timed_entries
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after
 from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.robot_kind import cell_cm, sensor_parameters
@@ -115,9 +115,6 @@ class Simulation:
             raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")
         self._step_ms, self._interpret = scenario.timing.step_ms, interpret
         self.step_s = self._step_ms / 1000
-        self._timed = TimedEntries(  # by the first control step at or after a time
-            scenario.schedule, lambda at_s: math.ceil(round(at_s * 1000, 6) / self._step_ms), sys.maxsize
-        )
         self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # largest number of steps in one call
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         self._has_replaced = False
@@ -186,7 +183,9 @@ class Simulation:
         self.seed = self.seed if seed is None else seed_of_trial(scenario, seed)
         self._changes: list[Change] = []
         self.events = []
-        self._timed.restart()
+        self._timed = timed_entries(  # by the first control step at or after a time
+            scenario.schedule, lambda at_s: math.ceil(round(at_s * 1000, 6) / self._step_ms), sys.maxsize
+        )
         self.is_firing = False
         self._clear(block)
         draw_start(block, self.seed)
@@ -317,9 +316,9 @@ class Simulation:
 
     def _unchanged(self, taken: int) -> int:
         """Carry out the entries of the schedule that are due; return how many steps may follow at once."""
-        while self._timed.next == taken:
-            self._carry_out(self._timed.take())
-        return min(self._timed.next - taken, self._most_unseen)
+        while self._timed[0][0] == taken:
+            self._carry_out(self._timed.popleft()[1])
+        return min(self._timed[0][0] - taken, self._most_unseen)
 
     def _run(self, steps: int, *, until_firing: bool = True, history: History | None = None) -> None:
         """Take control steps; the error of a controller that fails names the robot."""

@@ -23,7 +23,7 @@ from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing
 from epuck_sim.particles.phase_response import curve_error
 from epuck_sim.particles.swarm import SCHEDULE_SEED, Arrays, keep_state
 from epuck_sim.scenario.base import check_range
-from epuck_sim.scenario.changes import AgentDisplacement, TimedEntries, TrialEvent
+from epuck_sim.scenario.changes import AgentDisplacement, TrialEvent, timed_entries
 from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
 from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
@@ -125,7 +125,7 @@ class ParticleSimulation:
         start(self._arrays.block, self._addresses, seed_words(self.seed))
         self.events = []
         self._present = self.scenario  # with the values that the schedule has set
-        self._timed = TimedEntries(self.scenario.schedule, self._moment, NEVER)
+        self._timed = timed_entries(self.scenario.schedule, self._moment, NEVER)
         if self.scenario.faults:
             begin_faults(self._arrays, self.scenario, self.seed)
         self._await_change()
@@ -138,7 +138,7 @@ class ParticleSimulation:
     def _await_change(self) -> None:
         """Note when the schedule or a fault changes something next, after one has."""
         self._fault_ms = float(self._arrays.affected["change_ms"].min()) if self.scenario.faults else math.inf
-        self.next_change = min(self._timed.next, self._moment(self._fault_ms / 1000))
+        self.next_change = min(self._timed[0][0], self._moment(self._fault_ms / 1000))
 
     def _renew(self, rules: Rules) -> None:
         """Switch to the block of a new swarm with these rules."""
@@ -266,8 +266,8 @@ class ParticleSimulation:
         scene, moment = self._scene, self.next_change
         self._advance(last_firing_before(moment))  # counts time from the moment's cycle
         scene["now"] = max(scene["now"], moment[0] - scene["cycle"] + moment[1])
-        while self._timed.next == moment:
-            self.carry_out_scheduled(self._timed.take())
+        while self._timed[0][0] == moment:
+            self.carry_out_scheduled(self._timed.popleft()[1])
         if self._moment(self._fault_ms / 1000) <= moment:
             self._change_faults(self._fault_ms)
 

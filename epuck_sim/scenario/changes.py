@@ -1,8 +1,9 @@
 """Faults (thesis 4.4), and changes while a trial runs: the sections `faults` and `schedule`."""
 
 import re
+from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, Field
 
@@ -300,28 +301,15 @@ def notes_on_faults(
 _Moment = TypeVar("_Moment")
 
 
-class TimedEntries(Generic[_Moment]):
-    """The entries of a schedule that have a time, in order, while a trial goes through them."""
+def timed_entries(
+    schedule: Sequence[ScheduleEntry], moment: Callable[[float], _Moment], never: _Moment
+) -> deque[tuple[_Moment, int]]:
+    """Return moment and number of each entry that has a time, in order; the last moment is `never`, after all others.
 
-    next: _Moment  # when the next of them is carried out; `never` after the last
-
-    def __init__(self, schedule: Sequence[ScheduleEntry], moment: Callable[[float], _Moment], never: _Moment) -> None:
-        """Begin with the first; `moment` returns the moment of a time in s, and `never` is later than any moment."""
-        timed = [(moment(entry.at_s), number) for number, entry in enumerate(schedule) if entry.at_s is not None]
-        self._moments = [*sorted(timed), (never, -1)]
-        self.restart()
-
-    def restart(self) -> None:
-        """Begin with the first."""
-        self._place = 0
-        self.next = self._moments[0][0]
-
-    def take(self) -> int:
-        """Return the number of the next entry, and go on to the one after it."""
-        number = self._moments[self._place][1]
-        self._place += 1
-        self.next = self._moments[self._place][0]
-        return number
+    `moment` returns the moment of a time in s.
+    """
+    timed = [(moment(entry.at_s), number) for number, entry in enumerate(schedule) if entry.at_s is not None]
+    return deque([*sorted(timed), (never, -1)])
 
 
 class AgentScheduleEntry(ScheduleEntry):
