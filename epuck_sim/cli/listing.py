@@ -4,7 +4,7 @@ import ast
 import json
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache
 from inspect import getsource
 from pathlib import Path
@@ -14,7 +14,7 @@ from epuck_sim.cli.tables import terminal_width
 from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.measures.measure import MEASURE, find_measure
-from epuck_sim.scenario.base import ConfigModel, section_classes
+from epuck_sim.scenario.base import ConfigModel, section_classes, tagged
 from epuck_sim.scenario.loader import SCENARIO, SCENARIO_TYPES
 from epuck_sim.scenario.particles import CURVE
 from epuck_sim.scenario.robot_kind import ROBOT
@@ -47,10 +47,15 @@ def list_measures() -> dict[str, dict[str, str]]:
 def list_keys(ending: str) -> dict[str, dict[str, str]]:
     """Return sentence, type and default of keys with this ending, or in this section, by model; N: place in a list."""
     part = re.sub(r"\b\d+\b", "N", ending)
-    found = {f"model: {name}": dict(_keys(model, f".{part}.")) for name, model in SCENARIO_TYPES.items()}
-    if not any(found.values()):
+    found: dict[str, dict[str, str]] = {}
+    for name, model in SCENARIO_TYPES.items():
+        for key, said in _keys(model, f".{part}.", model.refused):
+            of_model = found.setdefault(f"model: {name}", {})
+            if said not in of_model.get(key, ""):  # several classes of sections have it
+                of_model[key] = f"{of_model.get(key, '')} {said}".lstrip()
+    if not found:
         raise ScenarioError(f"{ending}: no section of scenarios has it; parameters: `list`, `list --measures`")
-    return {model: keys for model, keys in found.items() if keys}
+    return found
 
 
 def print_descriptions(kinds: Mapping[str, Mapping[str, str]]) -> None:
@@ -101,17 +106,23 @@ def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:
     return f"{doc} {{{listed}}}" if listed else doc
 
 
-def _keys(section: type[ConfigModel], part: str, above: str = "") -> Iterator[tuple[str, str]]:
-    """Yield each dotted key in a section that has `part`, and its docstring, type and default."""
-    docs = docstrings(section)
+def _keys(
+    section: type[ConfigModel], part: str, refused: Collection[str], above: str = ""
+) -> Iterator[tuple[str, str]]:
+    """Yield each dotted key in a section that has `part`, its docstring, type and default; a kind has its class's."""
+    tag, kinds = tagged(section)
+    kinds = tuple(kind for kind in kinds if kind not in refused)
+    if tag and not kinds:
+        return
+    docs = {tag: (section.__doc__ or "").partition("\n")[0], **docstrings(section)}
     for name, value in section.model_json_schema()["properties"].items():
         classes = section_classes(section.model_fields[name].annotation)
         key, inner = f"{above}{name}", [each for each in classes if each is not MeasureSection]
         for each in inner:
-            yield from _keys(each, part, f"{key}{'.N' * (value.get('type') == 'array')}.")
-        if name in docs and not inner and part in f".{key}.":
+            yield from _keys(each, part, refused, f"{key}{'.N' * (value.get('type') == 'array')}.")
+        if name in docs and not inner and part in f".{key}." and key not in refused:
             default = f"; default: {json.dumps(value['default'])}" if "default" in value else ""
-            yield key, f"{docs[name]} ({allowed(value)}{default})"
+            yield key, f"{docs[name]} ({allowed({**value, 'enum': kinds} if name == tag else value)}{default})"
 
 
 @cache

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from epuck_sim.cli.app import app
 from epuck_sim.cli.errors import EXTRAS
 from epuck_sim.cli.listing import list_measures
+from epuck_sim.scenario.changes import NOT_OF_AGENTS
 from tests.cli.commands import called, read
 
 
@@ -63,6 +64,16 @@ def test_a_key_is_explained_by_its_ending_or_section() -> None:
         assert explained["stop.metric"].endswith('; `reference`: eq. 3.4. (complex or reference; default: "complex")')
         assert explained["stop.order_parameter"].partition("(number above 0 to 1 or null; default: 0.9")[1]
     assert called("list", "agents.speed_cm_s").splitlines()[0] == "model: particles"
+
+
+def test_kinds_are_explained_and_those_that_a_model_refuses_are_not_listed() -> None:
+    of_robots, of_agents = (read("list", "faults")[f"model: {model}"] for model in ("embodied", "particles"))
+    assert of_robots.keys() - of_agents.keys() == {f"faults.N.{key}" for key in ("robots", "jitter", "sensor")}
+    assert of_agents.keys() - of_robots.keys() == {"faults.N.agents"}
+    assert of_robots["faults.N.kind"].endswith(" A sensor in a file of its own reads 0. (sensor_dead)")
+    listed = (re.findall(r"\(([\w ]+)\)", each["faults.N.kind"]) for each in (of_robots, of_agents))
+    kinds, fewer = (set(" ".join(each).split()) for each in listed)
+    assert kinds - fewer == {*NOT_OF_AGENTS}
 
 
 def test_shells_complete_names_and_options() -> None:
