@@ -4,7 +4,7 @@ import math
 import re
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,9 @@ from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first, wo
 from epuck_sim.cli.options import argument, looks_option, option
 from epuck_sim.statistics import Statistic
 from epuck_sim.util.messages import counted
+
+if TYPE_CHECKING:  # or --help would wait for matplotlib
+    from epuck_sim.figures.saving import Target
 
 results = typer.Typer()
 
@@ -214,9 +217,8 @@ def plot(
     A caption and the numbers are written beside the figure. A scenario's section figure has the same options.
     """
     from epuck_sim.figures.saving import Target, parse_target, save_figure
-    from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, flag, read_form
+    from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
 
-    first = results[0]
     target = parse_target(to) if to else None
     reject_first(*(("=" not in text, f"--label is {text!r}; allowed: KEY=TEXT") for text in label or ()))
     wanted = {
@@ -234,26 +236,34 @@ def plot(
         "width_cm": width_cm,
         "font_pt": font_pt,
     }
-    if len(results) > 1 or first.is_dir():
+    if len(results) > 1 or results[0].is_dir():
         named = [name.strip() for name in names.split(",")] if names else []
         drawn = read_form(results, wanted, of, named, "--", where)
         stem = drawn.name if drawn.name in SIMULATED_AGAIN else f"{of or 'T_sync'}{f'-{form}' * bool(form)}"
         others = "".join(f"-with-{folder.resolve().name}" for folder in results[1:])
-        files = save_figure(target or Target(first / f"{stem}{others}"), drawn.draw_figure, drawn.tables, drawn.caption)
+        place = target or Target(results[0] / f"{stem}{others}")
+        files = save_figure(place, drawn.draw_figure, drawn.tables, drawn.caption)
         for note in drawn.notes:
             typer.echo(f"note: {note}", err=True)
     else:
-        from epuck_sim.figures.trial_page import check_drawable, draw_page
-        from epuck_sim.recording.reader import read_recording
-
         of_sweeps = {**wanted, "title": None, "label": label, "labels": None, "of": of, "where": where, "names": names}
-        for name, value in (of_sweeps if first.is_file() else {}).items():  # if it is missing, reading it says so
-            reject_first((value is not None, f"{flag(name, value)} is for run folders; {first} is a recording"))
-        recorded = read_recording(first)
-        check_drawable(recorded, str(first))
-        files = save_figure(target or Target(first.with_suffix("")), lambda: draw_page(recorded, title))
+        files = _draw_recording(results[0], of_sweeps, title, target)
     for file in files:
         typer.echo(file)
+
+
+def _draw_recording(file: Path, of_sweeps: dict[str, Any], title: str | None, target: "Target | None") -> list[Path]:
+    """Draw a recorded trial, for which no option of sweeps is allowed; return the files."""
+    from epuck_sim.figures.saving import Target, save_figure
+    from epuck_sim.figures.sweep_figure import flag
+    from epuck_sim.figures.trial_page import check_drawable, draw_page
+    from epuck_sim.recording.reader import read_recording
+
+    for name, value in (of_sweeps if file.is_file() else {}).items():  # if it is missing, reading it says so
+        reject_first((value is not None, f"{flag(name, value)} is for run folders; {file} is a recording"))
+    recorded = read_recording(file)
+    check_drawable(recorded, str(file))
+    return save_figure(target or Target(file.with_suffix("")), lambda: draw_page(recorded, title))
 
 
 @results.command()

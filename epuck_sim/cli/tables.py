@@ -236,19 +236,10 @@ def print_comparison(
 
     verdict = judge(rows)
     if as_json:
-        quantities = [
-            {
-                "name": row.name,
-                "unit": row.unit,
-                "film": row.film,
-                "film_is_beyond": math.isinf(row.film),
-                "percentile": row.percentile,
-                "trials": row.trials.tolist(),
-                "beyond": row.beyond,
-                "unknown": row.unknown,
-            }
-            for row in rows
-        ]
+        told = ("name", "unit", "film", "percentile", "beyond", "unknown")
+        quantities = [{key: getattr(row, key) for key in told} for row in rows]
+        for quantity, row in zip(quantities, rows, strict=True):
+            quantity |= {"film_is_beyond": math.isinf(row.film), "trials": row.trials.tolist()}
         head = {"film": track.film, "scenario": scenario, "period_s": track.period_s, "verdict": verdict}
         print_json({**head, "quantities": quantities, "fitted": fitted})
         return
