@@ -49,6 +49,7 @@ WEB_PORT = 9090  # default port of viewers for browsers
 GONE = {
     "run --status": "--status is a command of its own: epuck-sim status FOLDER",
     "run --durable": "--durable is no longer needed: results are synced to disk at each commit; leave it out",
+    "run --trial-timeout": "--trial-timeout is a key of the scenario: --set trial_timeout_s=SECONDS",
     "check --time": "--time of `check` is a command of its own: epuck-sim plan SCENARIO --seconds 5",
     "replicate --full": "--full is --until-decided now, which adds trials until claims are decided",
     "replicate --quick": "--quick is no longer needed: each sweep of a claim has one version; leave it out",

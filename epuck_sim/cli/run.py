@@ -76,10 +76,6 @@ def run(
         str | None,
         options.sweeps_option("KEY", "Apply --until to ratios, or differences in cycles, to the axis's first value."),
     ] = None,
-    trial_timeout: Annotated[
-        float | None,
-        options.sweeps_option("SECONDS", "Trials of a sweep that take longer fail; sets the key trial_timeout_s."),
-    ] = None,
     take_over: Annotated[
         bool,
         options.sweeps_option(
@@ -125,7 +121,6 @@ def run(
     reject_first(
         (is_one and (None in (point, trial) or out is not None), "give --point and --trial together, without --out"),
         (is_none and (workers or dask) is not None, "--workers and --dask need a run folder: --out FOLDER"),
-        (is_none and trial_timeout is not None, "--trial-timeout is for sweeps: give --out FOLDER"),
         (is_none and until is not None, "--until is for sweeps: give --out FOLDER"),
         (is_none and share is not None, "--share needs a run folder of its own: --out FOLDER"),
         (
@@ -138,10 +133,9 @@ def run(
     port_shown = (port or options.WEB_PORT) if web else None
     fields = tuple(memory or ())
     watched = Watched(trace, record, film, live, level or Level.FULL, fields, relations, speed or 1.0, port_shown)
-    changes = [*(settings or ()), *([] if trial_timeout is None else [f"trial_timeout_s={trial_timeout}"])]
     with print_traceback() if traceback else nullcontext():
         loaded = options.read_scenario(
-            scenario, changes, axes, measures=measures, controller=controller, quick=quick, trusted=trust
+            scenario, settings, axes, measures=measures, controller=controller, quick=quick, trusted=trust
         )
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})

@@ -236,8 +236,8 @@ def print_comparison(
 
     verdict = judge(rows)
     if as_json:
-        told = ("name", "unit", "film", "percentile", "beyond", "unknown")
-        quantities = [{key: getattr(row, key) for key in told} for row in rows]
+        names = ("name", "unit", "film", "percentile", "beyond", "unknown")
+        quantities = [{key: getattr(row, key) for key in names} for row in rows]
         for quantity, row in zip(quantities, rows, strict=True):
             quantity |= {"film_is_beyond": math.isinf(row.film), "trials": row.trials.tolist()}
         head = {"film": track.film, "scenario": scenario, "period_s": track.period_s, "verdict": verdict}

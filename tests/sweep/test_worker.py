@@ -207,7 +207,7 @@ def test_a_curve_that_never_returns_is_heard_like_a_controller(tmp_path, monkeyp
 
 def test_a_measure_that_never_returns_has_failed_when_its_time_is_up_and_status_says_why(tmp_path) -> None:
     axis = {"grid": {"agents.count": [5, 6]}}
-    failed, err = run_endless(tmp_path, MEASURE, "--trial-timeout", 0.5, measures=["endless.py"], sweep=axis)
+    failed, err = run_endless(tmp_path, MEASURE, "--set", "trial_timeout_s=0.5", measures=["endless.py"], sweep=axis)
     assert set(failed.values()) == {out_of_time(0.5)}
     assert "1 trial failed; run again to retry them" in err
     assert called("status", tmp_path / "run").count(out_of_time(0.5)) == 1
