@@ -181,12 +181,10 @@ def out_of_time(timeout_s: float) -> str:
 
 def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> Outcome:
     """Return the outcome of a task that this process has run, with its versions and host."""
-    values: dict[str, Any] = dict.fromkeys((*RESULT, "measured", "events"))
-    if result is not None:
-        values = {name: as_stored(getattr(result, name), kind) for name, kind in RESULT.items()}
-        values["measured"] = json.dumps(result.measures) if result.measures else None
-        values["events"] = json.dumps([event._asdict() for event in result.events]) if result.events else None
-    return Outcome(task.point, task.trial, task.seed, error=error, provenance=_provenance(), **values)
+    values = [as_stored(getattr(result, name, None), kind) for name, kind in RESULT.items()]
+    measured = json.dumps(result.measures) if result and result.measures else None
+    events = json.dumps([event._asdict() for event in result.events]) if result and result.events else None
+    return Outcome._make((*task[:2], task.seed, *values, error, measured, events, _provenance()))
 
 
 @lru_cache
