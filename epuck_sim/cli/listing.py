@@ -4,7 +4,7 @@ import ast
 import json
 import re
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from inspect import getsource
 from pathlib import Path
@@ -106,9 +106,7 @@ def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:
     return f"{doc} {{{listed}}}" if listed else doc
 
 
-def _keys(
-    section: type[ConfigModel], part: str, refused: Collection[str], above: str = ""
-) -> Iterator[tuple[str, str]]:
+def _keys(section: type[ConfigModel], part: str, refused: Sequence[str], above: str = "") -> Iterator[tuple[str, str]]:
     """Yield each dotted key in a section that has `part`, its docstring, type and default; a kind has its class's."""
     tag, kinds = tagged(section)
     kinds = tuple(kind for kind in kinds if kind not in refused)

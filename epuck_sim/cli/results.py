@@ -4,7 +4,7 @@ import math
 import re
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -13,9 +13,6 @@ from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first, wo
 from epuck_sim.cli.options import argument, looks_option, option
 from epuck_sim.statistics import Statistic
 from epuck_sim.util.messages import counted
-
-if TYPE_CHECKING:  # or --help would wait for matplotlib
-    from epuck_sim.figures.saving import Target
 
 results = typer.Typer()
 
@@ -252,7 +249,7 @@ def plot(
         typer.echo(file)
 
 
-def _draw_recording(file: Path, of_sweeps: dict[str, Any], title: str | None, target: "Target | None") -> list[Path]:
+def _draw_recording(file: Path, of_sweeps: dict[str, Any], title: str | None, target: Any) -> list[Path]:
     """Draw a recorded trial, for which no option of sweeps is allowed; return the files."""
     from epuck_sim.figures.saving import Target, save_figure
     from epuck_sim.figures.sweep_figure import flag

@@ -4,7 +4,6 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
-from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -149,7 +148,7 @@ class EmbodiedScenario(Scenario):
 
     later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule", "robot")
     event_method: ClassVar[str] = "step"
-    refused: ClassVar[Collection[str]] = ("faults.N.agents",)
+    refused: ClassVar[tuple[str, ...]] = ("faults.N.agents",)
 
     model: Literal["embodied"] = "embodied"
     arena: ArenaSection = ArenaSection.model_construct()

@@ -6,7 +6,7 @@ response curve. Its lengths have no unit and its period is 1; here they are cent
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -369,7 +369,7 @@ class ParticleScenario(Scenario):
     """A swarm of point-like agents (chapters 3 and 5)."""
 
     later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule")
-    refused: ClassVar[Collection[str]] = ("faults.N.robots", *NOT_OF_AGENTS)
+    refused: ClassVar[tuple[str, ...]] = ("faults.N.robots", *NOT_OF_AGENTS)
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
     model: Literal["particles"]

@@ -5,7 +5,7 @@ It says when a trial ends, and which measures a trial has.
 
 import operator
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -164,7 +164,7 @@ class Scenario(ConfigModel):
 
     event_method: ClassVar[str] = "event"
     """Name of the method by which a measure is told of every event (`measures.measure.EVENT_METHODS`)."""
-    refused: ClassVar[Collection[str]] = ()
+    refused: ClassVar[tuple[str, ...]] = ()
     """Keys, and kinds, of sections of several models that this one refuses."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
