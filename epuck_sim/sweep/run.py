@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from importlib import import_module
-from itertools import repeat, starmap
+from itertools import compress, repeat, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -87,11 +87,10 @@ def run_sweep(
     begin(all_points)
     with Store(Path(folder), loaded, all_points, share) as store:
         finished = store.finished()
-        ours = store.share
         counts = [point.scenario.trials for point in all_points]
         if until is not None:
             counts = until.begin(store, all_points, finished)
-        wanted = [ours.trials(number, count) for number, count in enumerate(counts)]
+        wanted = [store.share.trials(number, count) for number, count in enumerate(counts)]
         total = sum(map(len, wanted))
         # if points were added, a share may have trials that now belong to others
         stored = sum(starmap(finished.count, enumerate(wanted)))
@@ -101,21 +100,18 @@ def run_sweep(
         kinds = first_of_each_kind(all_points, wanted, finished, interpret)
         with closing(scheduler.schedule(queue, kinds, open_pool)) as chunks:
             for outcomes in chunks:
-                are_stored = store.add(outcomes)
-                trials, censored = progress.trials, progress.censored
+                ends = [outcome.censored for outcome in compress(outcomes, store.add(outcomes))]
+                known, trials = [end for end in ends if end is not None], progress.trials
                 if until is not None:
                     for point in (outcome.point for outcome in outcomes):
                         if added := until.end_trial(point):
                             tasks = [_task(all_points[number], trial, interpret) for number, trial in added]
                             queue.add(tasks, until.width(point))
                             trials += len(added)
-                ends = [outcome.censored for outcome, is_stored in zip(outcomes, are_stored, strict=True) if is_stored]
-                if known := [end for end in ends if end is not None]:
-                    censored = (censored or 0) + sum(known)
                 progress = SweepProgress(
                     trials=trials,
                     stored=progress.stored + len(ends),
-                    censored=censored,
+                    censored=(progress.censored or 0) + sum(known) if known else progress.censored,
                     failed=progress.failed + len(outcomes) - len(ends),
                     ended=progress.ended + len(outcomes),
                     last=outcomes,
