@@ -115,11 +115,11 @@ class TrialProgress(_ProgressLine):
 
     def begin(self, trial: int, at_work: "AtWork | None") -> None:
         """Begin to show trial number `trial`; `at_work` returns whose code is running in it, if that is watched."""
-        from epuck_sim.trial.result import HopelessnessWatch
+        from epuck_sim.trial.result import hopelessness_watch
 
         self._is_ready.set()
         self._at_work = at_work
-        self._watch = HopelessnessWatch(self._stop.metric, self._tell_of_hopelessness)
+        self._watch = hopelessness_watch(self._stop.metric, self._tell_of_hopelessness)
         self._trial = trial
         self._began = time.perf_counter()
         self._next = self._began + self._pause_s

@@ -84,28 +84,27 @@ def _of_random_phases(oscillators: int, metric: str) -> tuple[float, float]:
     return mean, math.sqrt(1 / oscillators - mean * mean)
 
 
-class HopelessnessWatch:
-    """Judges a trial every `WINDOW` cycles, until it looks hopeless."""
+def hopelessness_watch(metric: str, tell: Callable[[float], None]) -> Progress:
+    """Return a function that judges a trial every `WINDOW` cycles, and calls `tell` once when it looks hopeless.
 
-    def __init__(self, metric: str, tell: Callable[[float], None]) -> None:
-        """Watch a trial; `tell` is called once, with the mean order parameter, when the trial looks hopeless."""
-        self._metric = metric
-        self._tell: Callable[[float], None] | None = tell
-        self._cycle = 0
-        self._orders: list[float] = []
+    It tells the mean order parameter. Cycles between two calls are missed.
+    """
+    orders: list[float] = []
+    cycle, has_told = 0, False
 
-    def __call__(self, state: TrialState) -> None:
-        """Record the last cycle, unless it was recorded before; cycles between two calls are missed."""
-        if self._tell is None or state.cycles == self._cycle or state.order_parameter is None:
+    def watch(state: TrialState) -> None:
+        nonlocal cycle, has_told
+        if has_told or state.cycles == cycle or state.order_parameter is None:
             return
-        self._cycle = state.cycles
-        self._orders.append(state.order_parameter)
-        if len(self._orders) < WINDOW:
-            return
-        if not state.is_synchronised and is_hopeless(self._orders, state.oscillators, self._metric):
-            self._tell(sum(self._orders) / WINDOW)
-            self._tell = None
-        self._orders = []
+        cycle = state.cycles
+        orders.append(state.order_parameter)
+        if len(orders) == WINDOW:
+            has_told = not state.is_synchronised and is_hopeless(orders, state.oscillators, metric)
+            if has_told:
+                tell(sum(orders) / WINDOW)
+            orders.clear()
+
+    return watch
 
 
 class TrialResult(NamedTuple):

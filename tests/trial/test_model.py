@@ -28,10 +28,10 @@ from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate
 from epuck_sim.trial.result import (
     WINDOW,
-    HopelessnessWatch,
     TrialResult,
     TrialState,
     _of_random_phases,
+    hopelessness_watch,
     is_hopeless,
 )
 from tests.particles.simulations import KINDS, any_sections, make_resting, make_simulation
@@ -173,7 +173,7 @@ def test_what_comes_closer_to_synchrony_is_not_hopeless_and_what_stands_still_is
 def told(orders: list[float], **state: object) -> list[tuple[int, float]]:
     found: list[tuple[int, float]] = []
     now = SimpleNamespace(cycles=0, is_synchronised=False, oscillators=10, **state)
-    watch = HopelessnessWatch("complex", lambda mean: found.append((now.cycles, mean)))
+    watch = hopelessness_watch("complex", lambda mean: found.append((now.cycles, mean)))
     for now.order_parameter in orders:
         now.cycles += 1
         watch(now)
@@ -191,7 +191,7 @@ def test_a_hopeless_trial_is_told_of_once_from_cycles_on_that_are_enough() -> No
 def test_robots_that_are_hardly_coupled_are_hopeless() -> None:
     found: list[float] = []
     simulation = simulate(load_scenario("thesis", ["coupling=1e-6", "max_cycles=201"]), 3)
-    run_trial(simulation, progress=HopelessnessWatch("complex", found.append))
+    run_trial(simulation, progress=hopelessness_watch("complex", found.append))
     assert len(found) == 1
 
 
