@@ -41,7 +41,6 @@ class _Talk(Series):
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
-        """Raise ValueError where receivers of pulses are not known, or in large swarms only if their phases shift."""
         check_sight(scenario, _)
         if scenario.model == "particles" and scenario.neighbourhood.kind == "random":
             raise ValueError("neighbourhood.kind is 'random'; allowed with words: any other, as receivers are unknown")

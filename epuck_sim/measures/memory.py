@@ -26,7 +26,6 @@ class Memory(Series):
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a robot that does not exist, or whose controller has no such field."""
         if not -1 <= parameters.robot < scenario.robot_count:
             raise ValueError(f"robot is {parameters.robot}; allowed: 0 to {scenario.robot_count - 1}, or -1 for all")
         check_field(scenario, parameters.name, None if parameters.robot < 0 else parameters.robot)

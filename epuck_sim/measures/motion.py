@@ -165,7 +165,6 @@ class _Map(Shipped):
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
-        """Raise ValueError for too many cells."""
         axes = scenario.space.dimensions if scenario.model == "particles" else 2
         if parameters.cells**axes > MOST_CELLS:
             raise ValueError(f"cells is {parameters.cells}, along each of {axes} axes; allowed: {MOST_CELLS} in all")
@@ -206,7 +205,6 @@ class Moved(Shipped):
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
-        """Raise ValueError if there is nothing to move."""
         if not scenario.arena.movables:
             raise ValueError("moved needs arena.movables; the arena has none")
 

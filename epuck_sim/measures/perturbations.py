@@ -36,7 +36,6 @@ class _Twin(Series):
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
-        """Raise ValueError without a perturbation, and ScenarioError where there can be no twin."""
         if not parameters.displacement and not scenario.start.displacement and not scenario.clocks.jitter:
             raise ValueError(
                 "there is no perturbation to measure; give displacement, or the scenario's start.displacement or "

@@ -30,7 +30,6 @@ class GroupOrder(Series):
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a group that does not exist."""
         check_range("group", parameters.group, 0, len(scenario.robots) - 1)
 
     def __post_init__(self) -> None:
