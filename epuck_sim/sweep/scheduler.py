@@ -165,6 +165,7 @@ class TaskQueue:
         self._returned: deque[Task] = deque()
         self._count = count
         self._lost_once: set[tuple[int, int]] = set()  # point and trial of tasks that were in progress at a death
+        self._ended, self._wall_s = 0, 0.0  # number of trials that have ended, and the time that they took together
 
     def __len__(self) -> int:
         return self._count
@@ -196,27 +197,19 @@ class TaskQueue:
         self._count += len(once)
         return again
 
-
-class ChunkSizer:
-    """Chooses the number of trials in a chunk from the time that earlier trials have taken."""
-
-    def __init__(self) -> None:
-        self._trials = 0
-        self._wall_s = 0.0
-
     def note(self, outcomes: Iterable[Outcome]) -> None:
         """Record trials that have ended."""
         for outcome in outcomes:
             if outcome.wall_s is not None:  # it is not known how long others took
-                self._trials += 1
+                self._ended += 1
                 self._wall_s += outcome.wall_s
 
-    def chunk(self, waiting: int, slots: int) -> int:
-        """Return how many of the `waiting` trials to hand over to one of `slots`."""
-        if not self._trials:
+    def chunk(self, slots: int) -> int:
+        """Return how many trials to hand over to one of `slots`, by the time that earlier ones have taken."""
+        if not self._ended:
             return 1
-        by_time = CHUNK_S * self._trials / max(self._wall_s, 1e-6)
-        return max(1, min(math.floor(by_time), math.ceil(waiting / (2 * slots))))
+        by_time = CHUNK_S * self._ended / max(self._wall_s, 1e-6)
+        return max(1, min(math.floor(by_time), math.ceil(len(self) / (2 * slots))))
 
 
 def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[list[Outcome]]:
@@ -226,7 +219,6 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
     those in progress at a second death are run one at a time, and a task that kills its worker even then has failed. A
     broken pool is opened again. If all workers are lost at once, all tasks in progress are run again.
     """
-    sizer = ChunkSizer()
     while queue:
         with open_pool() as pool:
             try:
@@ -235,14 +227,14 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
             except pool.deaths + pool.losses:
                 kinds = ()  # trials will show which of them kills its worker
                 continue
-            lost = yield from _run_parallel(pool, queue, sizer)
+            lost = yield from _run_parallel(pool, queue)
         suspects = deque(queue.give_back(lost))
         while suspects:
             with open_pool() as pool:
                 yield from _run_isolated(pool, suspects)
 
 
-def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[list[Outcome], None, list[Task]]:
+def _run_parallel(pool: Pool, queue: TaskQueue) -> Generator[list[Outcome], None, list[Task]]:
     """Yield outcomes until the queue is empty or a worker dies; return the tasks that were lost with it."""
     running: dict[Future[list[Outcome]], list[Task]] = {}
     lost: list[Task] = []
@@ -252,7 +244,7 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
     try:
         while running or (queue and not lost):
             while queue and not lost and len(running) < (slots := pool.slots()):
-                chunk = queue.take(sizer.chunk(len(queue), slots))
+                chunk = queue.take(queue.chunk(slots))
                 try:
                     future = pool.executor.submit(run_chunk, chunk)
                 except BrokenExecutor:
@@ -273,7 +265,7 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
             lost += dead
             for future in together:
                 del running[future]
-            sizer.note(outcomes)
+            queue.note(outcomes)
             if outcomes:
                 yield outcomes
     except pool.losses:

@@ -31,7 +31,7 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep import cluster, worker
 from epuck_sim.sweep.cluster import DaskCluster, SameVersionsExecutor, SchedulerGoneError
 from epuck_sim.sweep.run import run_sweep
-from epuck_sim.sweep.scheduler import CHUNK_S, ONE_THREAD, ChunkSizer, Pool, TaskQueue, local_pool, schedule
+from epuck_sim.sweep.scheduler import CHUNK_S, ONE_THREAD, Pool, TaskQueue, local_pool, schedule
 from epuck_sim.sweep.worker import Task, make_outcome, run_chunk
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.machine import free_port
@@ -191,24 +191,24 @@ def test_a_cluster_that_cannot_run_trials_ends_the_run_and_no_trial_is_blamed(ra
 
 
 def test_a_chunk_is_half_a_second_of_work_and_trials_that_failed_do_not_make_it_longer() -> None:
-    sizer = ChunkSizer()
-    sizer.note([make_outcome(task(trial), None, "it raised after minutes") for trial in range(5)])
-    assert sizer.chunk(100_000, 16) == 1
-    sizer.note(outcomes_of_length(CHUNK_S, [task(0)]))
-    assert sizer.chunk(100_000, 16) == 1
+    waiting = queue(100_000)
+    waiting.note([make_outcome(task(trial), None, "it raised after minutes") for trial in range(5)])
+    assert waiting.chunk(16) == 1
+    waiting.note(outcomes_of_length(CHUNK_S, [task(0)]))
+    assert waiting.chunk(16) == 1
     for wall_s, size in ((0.01, 50), (0.1, 5), (0.4, 1), (30.0, 1)):
-        sizer = ChunkSizer()
-        sizer.note(outcomes_of_length(wall_s, [task(0)] * 7))
-        assert sizer.chunk(100_000, 4) == pytest.approx(size, abs=1)
+        waiting = queue(100_000)
+        waiting.note(outcomes_of_length(wall_s, [task(0)] * 7))
+        assert waiting.chunk(4) == pytest.approx(size, abs=1)
     assert CHUNK_S == 0.5
 
 
 @settings(max_examples=30)
 @given(st.integers(1, 10_000), st.integers(2, 64), st.floats(1e-4, 10))
 def test_no_chunk_is_so_long_that_others_wait_for_it_at_the_end(waiting: int, slots: int, wall_s: float) -> None:
-    sizer = ChunkSizer()
-    sizer.note(outcomes_of_length(wall_s, [task(0)] * 3))
-    size = sizer.chunk(waiting, slots)
+    tasks = queue(waiting)
+    tasks.note(outcomes_of_length(wall_s, [task(0)] * 3))
+    size = tasks.chunk(slots)
     assert 1 <= size <= waiting
     assert size == 1 or size <= waiting / (2 * slots) + 1
 
