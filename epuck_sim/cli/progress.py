@@ -155,7 +155,7 @@ class SweepProgressBar(_ProgressLine):
 
     def __init__(self) -> None:
         super().__init__(BarColumn(), TextColumn("{task.description}"))
-        self._began: float | None = None
+        self._began, self._first = 0.0, 0  # when the first trials had ended, which waited for workers, and their number
         self._at_limit: dict[int, float] = {}  # number of trials of each point, if all have reached their limit
         self._has_told = False  # whether a line was printed about a point at its limit
         self.progress: SweepProgress | None = None
@@ -171,8 +171,8 @@ class SweepProgressBar(_ProgressLine):
             if outcome.error is None:
                 self._note(self.points[outcome.point], is_censored=outcome.censored == 1)
         now = time.monotonic()
-        if progress.ended and self._began is None:
-            self._began = now  # the first trial waits for workers to start, so that its time is not typical
+        if not self._first:
+            self._began, self._first = now, progress.ended
         done = progress.stored + progress.failed
         if now < self._next and done < progress.trials:
             return
@@ -199,9 +199,9 @@ class SweepProgressBar(_ProgressLine):
         if progress.narrow is not None:
             words = f"{words}, {progress.narrow} of {counted(len(self.points), 'point')} narrow enough"
         left = progress.trials - progress.stored - progress.failed
-        if self._began is None or progress.ended < 2:
+        if progress.ended == self._first:
             return f"{words}; starting workers" if left else words
-        a_minute = (progress.ended - 1) / max(now - self._began, 1e-9) * 60
+        a_minute = (progress.ended - self._first) / max(now - self._began, 1e-9) * 60
         words = f"{words}, {a_minute:.0f} a minute"
         return words if progress.narrow is not None else f"{words}, {in_words(left / a_minute * 60)} left"
 

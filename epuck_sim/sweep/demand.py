@@ -85,22 +85,17 @@ def time_trials(points: Sequence[Point], budget_s: float) -> list[TimedTrial]:
     return timed
 
 
-class _TimeUpError(Exception):
-    """Ends a trial when its time is up."""
-
-
 def _time_trial(point: Point, trial: int, budget_s: float) -> TimedTrial:
     simulation, begin = simulate(point.scenario, point.seed(trial)), time.perf_counter()
 
     def look_at_clock(_: TrialState) -> None:
         if time.perf_counter() - begin > budget_s:
-            raise _TimeUpError
+            raise TimeoutError
 
     is_cut = is_censored = False
     try:
-        result = run_trial(simulation, progress=look_at_clock)
-        is_censored = result.censored is True
-    except _TimeUpError:
+        is_censored = run_trial(simulation, progress=look_at_clock).censored is True
+    except TimeoutError:
         is_cut = True
     except Exception as error:
         raise ScenarioError(f"point {point.number}: a trial fails: {error!r}") from error
