@@ -89,35 +89,29 @@ def refused_at(origin: str) -> Iterator[None]:
 TAGS = ("kind", "shape")  # keys whose value selects one of several classes of a section
 
 ALLOWED = {
-    "bool_parsing": "true or false",
-    "bool_type": "true or false",
-    "dict_type": "a mapping of keys to values",
-    "finite_number": "a finite number",
-    "float_parsing": "a number",
-    "float_type": "a number",
-    "greater_than": "above {gt:.12g}",
-    "greater_than_equal": "at least {ge:.12g}",
-    "int_from_float": "a whole number",
-    "int_parsing": "a whole number",
-    "int_parsing_size": "a whole number with fewer digits",
-    "int_type": "a whole number",
-    "invalid_key": "text as the key",
-    "less_than": "below {lt:.12g}",
-    "less_than_equal": "at most {le:.12g}",
-    "literal_error": "{expected}",
-    "model_attributes_type": "a mapping of keys to values",
-    "model_type": "a mapping of keys to values",
-    "multiple_of": "a multiple of {multiple_of:g}",
-    "string_too_long": "at most {max_length} characters",
-    "string_too_short": "{min_length} or more characters",
-    "string_type": "text",
-    "string_unicode": "text in Unicode",
-    "too_long": "at most {max_length} values",
-    "too_short": "{min_length} or more values",
-    "tuple_type": "a list",
-    "value_error": "{error}",
+    "a finite number": "finite_number",
+    "a list": "tuple_type",
+    "a mapping of keys to values": "dict_type model_attributes_type model_type",
+    "a multiple of {multiple_of:g}": "multiple_of",
+    "a number": "float_parsing float_type",
+    "a whole number": "int_from_float int_parsing int_type",
+    "a whole number with fewer digits": "int_parsing_size",
+    "above {gt:.12g}": "greater_than",
+    "at least {ge:.12g}": "greater_than_equal",
+    "at most {le:.12g}": "less_than_equal",
+    "at most {max_length} characters": "string_too_long",
+    "at most {max_length} values": "too_long",
+    "below {lt:.12g}": "less_than",
+    "text": "string_type",
+    "text as the key": "invalid_key",
+    "text in Unicode": "string_unicode",
+    "true or false": "bool_parsing bool_type",
+    "{error}": "value_error",
+    "{expected}": "literal_error",
+    "{min_length} or more characters": "string_too_short",
+    "{min_length} or more values": "too_short",
 }
-"""Allowed values in words, by pydantic's type of the error; in braces, fields of pydantic's error."""
+"""Pydantic's types of errors by the words for what is allowed; in braces, fields of pydantic's error."""
 
 
 def section_classes(annotation: Any) -> list[type[ConfigModel]]:
@@ -197,7 +191,8 @@ def problems_in(
             continue
         path, around, classes = _place([str(part) for part in detail["loc"] if part != "[key]"], kind)
         key, tag = ".".join(path), tagged(classes[0])[0] if classes else ""
-        allowed = ALLOWED.get(wrong, "another kind of value").format(**context)
+        words = (words for words, types in ALLOWED.items() if wrong in types.split())
+        allowed = next(words, "another kind of value").format(**context)
         near = None
         if tag and wrong in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
             names = [name for each in classes for name in tagged(each)[1]]
