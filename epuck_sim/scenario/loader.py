@@ -27,7 +27,7 @@ from epuck_sim.scenario.scenario import AnyScenario, Scenario, ScenarioLike, req
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
-from epuck_sim.util.messages import cut, natural_order, short_repr, shortest_endings, storable
+from epuck_sim.util.messages import cut, short_repr, shortest_endings, storable
 from epuck_sim.util.seeds import point_seed
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
@@ -56,17 +56,12 @@ def _reject_surrogates(value: Any, origin: str, *path: str) -> None:
         raise ScenarioError(f"{where}: is {short_repr(value)}; allowed: text in Unicode")
 
 
-def _shipped() -> dict[str, Path]:
-    files = {**builtin_files(ARENAS), **builtin_files(SWEEPS)}
-    return {name: files[name] for name in sorted(files, key=natural_order)}
-
-
 SCENARIO = Kind(
     noun="scenario",
     error=ScenarioError,
     suffixes=(".yaml", ".yml"),
     group="epuck_sim.scenarios",
-    shipped=_shipped,
+    shipped=lambda: {**builtin_files(ARENAS), **builtin_files(SWEEPS)},
     form="a .yaml file, or a run folder",
 )
 """How scenarios are found."""
@@ -289,10 +284,9 @@ def _read(source: ScenarioLike) -> tuple[dict[str, Any], str, Path | None]:
         return _plain(source), "scenario", None
     path = find_scenario(str(source))
     given = read_yaml(path)
-    if given is None:
-        raise ScenarioError(f"{path}: is empty; a scenario is a mapping of keys to values")
     if not isinstance(given, dict):
-        raise ScenarioError(f"{path}: is {short_repr(given)}; a scenario is a mapping of keys to values")
+        said = "empty" if given is None else short_repr(given)
+        raise ScenarioError(f"{path}: is {said}; a scenario is a mapping of keys to values")
     place = SCENARIO.at(path)
     return {"name": path.stem, **given}, place.name if place.package else str(path), path.parent
 
