@@ -30,7 +30,7 @@ from epuck_sim.embodied.observers import Scene
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.start import SCHEDULE, draw_places, draw_start, put_at_given_poses, vary
 from epuck_sim.embodied.step import Step, shown_steps
-from epuck_sim.embodied.swarm import PATCHES, PIXELS
+from epuck_sim.embodied.swarm import PATCHES
 from epuck_sim.embodied.user_code import GroupControllers, OwnSensor, RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.faults import begin_or_end
@@ -135,6 +135,7 @@ class Simulation:
         self._scene = Scene(scenario.robots, block, swarm)
         self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
         self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
+        self._robots_vary = bool(swarm.scene["robots_vary"][0])
         self._groups, self._sensors = [], list[OwnSensor]()
         for number, (controller, section) in enumerate(zip(controllers, scenario.robots, strict=True)):
             own = self._own_sensors[number]
@@ -155,7 +156,7 @@ class Simulation:
             part: np.flatnonzero(np.repeat(flags, swarm.groups["count"])) for part, flags in external.items()
         }
         swarm.robots["starts"] = self._starts[0] = True
-        self._template = block[: swarm.scene[0].at[PIXELS]].copy()
+        self._template = block[: swarm.scene[0].at[PATCHES]].copy()
         self._starts[0] = False
         self._show(self._arenas[0])
 
@@ -187,11 +188,11 @@ class Simulation:
             scenario.schedule, lambda at_s: math.ceil(round(at_s * 1000, 6) / self._step_ms), sys.maxsize
         )
         self.is_firing = False
-        self._clear(block)
+        block[: len(self._template)] = self._template
         draw_start(block, self.seed)
         for sensor in self._sensors:
             sensor.draw_streams(self.seed)
-        if self._swarm.scene[0].robots_vary:
+        if self._robots_vary:
             vary(block)
         draw_places(block, scenario)
         self._world.place()
@@ -211,12 +212,7 @@ class Simulation:
             for name, value in section.memory.items():
                 group.memory[name] = value
         self._starts[0] = False
-        if scenario.members_change:
-            schedule.take_out(self._absent, self._swarm, self._world, self._groups)
-
-    def _clear(self, block: ByteArray) -> None:
-        block[: len(self._template)] = self._template
-        block[len(self._template) : self._swarm.scene[0].at[PATCHES]] = 0
+        schedule.take_out(self._absent, self._swarm, self._world, self._groups)
 
     @property
     def controllers(self) -> list[Controller]:
@@ -252,7 +248,7 @@ class Simulation:
     def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
         """Return the block before anything is drawn, and the functions that control steps call, by index: for pages."""
         block = self._block.copy()
-        self._clear(block)
+        block[: len(self._template)] = self._template
         return block, self._loop.functions
 
     def page(self) -> Any:

@@ -5,6 +5,7 @@ import gc
 import math
 import pickle
 import random
+import sys
 from itertools import islice
 
 import numpy as np
@@ -50,6 +51,16 @@ def test_the_seed_is_the_scenarios_own_unless_it_is_given_reset_keeps_it_and_a_r
     simulation.reset(5)
     simulation.reset()
     assert simulation.seed == 5
+
+
+def test_a_reset_reads_no_field_of_a_record_by_its_name_in_python_which_takes_microseconds() -> None:
+    simulation, called = Simulation("thesis", 4), list[str]()
+    sys.setprofile(lambda frame, event, _: called.append(frame.f_code.co_name) if event == "call" else None)
+    simulation.reset()
+    sys.setprofile(None)
+    assert "reset" in called
+    assert not {"__getattribute__", "_getfield_is_safe"} & {*called}
+    assert len(called) < 35
 
 
 REACT = with_step(
