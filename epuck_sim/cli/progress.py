@@ -85,12 +85,12 @@ class TrialProgress(_ProgressLine):
         told: set[Path | None] = set()
         while not self._is_ready.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
             native: Any = sys.modules.get("epuck_sim.util.native")  # loaded when something compiles, perhaps now
-            done, planned = native.count_compiled() if hasattr(native, "compiled_now") else (0, 0)
-            file = native.compiled_now() if done < planned else None
-            if done < planned and (self._bar or file not in told):
+            found = native.compiling() if hasattr(native, "compiling") else None
+            if found and (self._bar or found[1] not in told):
+                done, file = found
                 told.add(file)
                 now = f", now {file.name}" if file else ""
-                self.show(f"compiled {done} of {planned} functions so far{now}; later runs reuse them")
+                self.show(f"compiled {counted(done, 'function')} so far{now}; later runs reuse them")
 
     def _tell_of_what_never_returns(self) -> None:
         """Warn, once a trial, if a robot's controller or sensor is still at the same step at the next look."""

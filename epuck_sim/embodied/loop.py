@@ -27,7 +27,7 @@ from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.elementary import log, sin, sin_cos
 from epuck_sim.util.generators import fill_doubles, fill_normals
 from epuck_sim.util.jit import bind, jit_no_alloc
-from epuck_sim.util.native import address_of, array_at, call
+from epuck_sim.util.native import INTP, address_of, array_at, call
 from epuck_sim.util.rng import uniform
 
 DONE, FIRED, AT_WORK = -1, -2, -3
@@ -255,14 +255,14 @@ class ControlLoop:
         every = [*early, *late]
         addresses = world.addresses()
         if swarm.scene[0].hides_flashes:
-            addresses[HIDE] = address_of(hide_flashes)
+            addresses[HIDE] = address_of(hide_flashes, INTP)
         for group in groups:
             addresses += group.addresses(len(addresses))
         numbers = {group: int(swarm.groups[number].controller) for number, group in enumerate(groups)}
         for function, _ in every:
             if function not in numbers:
                 numbers[function] = len(addresses)
-                addresses.append(function.address if isinstance(function, OwnSensor) else address_of(function))
+                addresses.append(function.address if isinstance(function, OwnSensor) else address_of(function, INTP))
         swarm.calls[: len(every)] = [(numbers[function], argument) for function, argument in every]
         swarm.scene[0].late, swarm.scene[0].calls = len(early), len(every)
         self.functions = {number: function for function, number in numbers.items()}

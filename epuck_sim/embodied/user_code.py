@@ -34,7 +34,7 @@ from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import line_of_definition, line_of_error
 from epuck_sim.util.jit import bind, jit_inline, jit_no_alloc
 from epuck_sim.util.messages import describe_error
-from epuck_sim.util.native import address_of, array_at, call_c, function_address, record_type
+from epuck_sim.util.native import INTP, address_of, array_at, call_c, function_address, record_type
 from epuck_sim.util.seeds import robot_streams
 
 if TYPE_CHECKING:  # `bind` provides them
@@ -275,7 +275,7 @@ class GroupControllers(UserCode):
             functions = (controller.library.e_start_all, controller.library.e_step_all)
             self._of_firmware = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
             self._of_firmware.append(self._e_groups.ctypes.data)
-            self.run, self.address = _run_firmware, address_of(_run_firmware)
+            self.run, self.address = _run_firmware, address_of(_run_firmware, INTP)
         else:
             names = {"start": controller.start, "step": controller.step, "complete": completion(tuple(sensors))}
             types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}

@@ -27,7 +27,7 @@ from epuck_sim.scenario.particles import AgentsSection, ParticleScenario, Random
 from epuck_sim.util import generators
 from epuck_sim.util.elementary import exp, log
 from epuck_sim.util.jit import jit, jit_no_alloc
-from epuck_sim.util.native import address_of, call, carve, compile_kernel
+from epuck_sim.util.native import address_of, call, carve
 
 SHORTEST_PERIOD = 0.1
 """Lower limit of a jittered period, in nominal periods; jitter is at most 0.2, so that hardly any draw is below it."""
@@ -106,7 +106,7 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     arrays.curve[:] = response.bytes
     set_faults(arrays.faults, scenario.faults)
     give_start(arrays, scenario)
-    compile_kernel(advance)
+    address_of(advance)
     called = {
         swarm.CONTINUE: continue_trajectory,
         swarm.SEARCH: search_of(arrays.scene),

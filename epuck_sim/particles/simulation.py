@@ -29,7 +29,7 @@ from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScena
 from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import whole
-from epuck_sim.util.native import compile_kernel
+from epuck_sim.util.native import address_of
 
 NEVER: Moment = (math.inf, 0.0)  # later than any moment of a trial
 
@@ -164,7 +164,7 @@ class ParticleSimulation:
 
     def __iter__(self) -> Iterator[Event]:
         """Return the simulation itself, which continues from its present state; compile what events need."""
-        compile_kernel(turn_if_next)
+        address_of(turn_if_next)
         return self
 
     def __next__(self) -> Event:

@@ -8,7 +8,6 @@ reads users' files, which import kernels, does not load it.
 import hashlib
 import os
 import re
-import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cached_property, lru_cache
@@ -33,8 +32,6 @@ VALUE_FILES = (
 
 WITHOUT_ALLOCATION = {"_nrt": False}
 """Option of numba with which a function that allocates an array is refused, and nothing counts references."""
-
-_redirecting = threading.Lock()
 
 
 def digest(contents: Iterable[bytes]) -> str:
@@ -99,29 +96,6 @@ def name_after(function: Any, contents_digest: str) -> Any:
     return function
 
 
-def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:
-    """Return `function` compiled without fast-math and parallel loops, kept under the digest of all it depends on.
-
-    If `careful`, a division by 0 and an index out of bounds raise, as in Python; else they are undefined.
-    """
-    from numba import config, njit
-
-    from epuck_sim.util.native import seal_cache
-
-    with _redirecting:  # numba reads the folder once, when a function is decorated
-        settings = vars(config)
-        before = settings["CACHE_DIR"]
-        settings["CACHE_DIR"] = str(open_cache(contents_digest))
-        try:
-            compiler: Any = njit  # its types lack some of its options
-            choices = {"cache": True, "nogil": True, "boundscheck": careful, "no_cfunc_wrapper": True}
-            compiled = compiler(error_model="python" if careful else "numpy", **choices, **options)(function)
-            seal_cache(compiled)
-            return cast(Function, compiled)
-        finally:
-            settings["CACHE_DIR"] = before
-
-
 class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
@@ -132,6 +106,8 @@ class Kernel:
     @cached_property
     def for_python(self) -> Any:
         """The function as Python calls it."""
+        from epuck_sim.util.native import compile_cached
+
         return compile_cached(self.function, digest_of_room(self.function), careful=False, **self._options)
 
     @cached_property

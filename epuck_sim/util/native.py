@@ -6,41 +6,41 @@ Functions are called by addresses from an array: code that calls a controller, o
 """
 
 import hashlib
-import io
 import math
+import os
 import pickle
 import re
-import shutil
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from importlib.metadata import version
 from operator import attrgetter
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType, SimpleNamespace
-from typing import Any
+from types import ModuleType
+from typing import Any, cast
 
 import numpy as np
 
 from epuck_sim.errors import NumbaError
-from epuck_sim.util.jit import PACKAGE, Kernel, compile_cached, name_after, open_cache
+from epuck_sim.util.jit import PACKAGE, Function, Kernel, name_after, open_cache
 
 try:
     import numba
     from llvmlite import binding, ir
     from numba import _dynfunc, from_dtype, njit, typeof, types  # type: ignore[attr-defined]
     from numba.core import cgutils, event
-    from numba.core.caching import IndexDataCacheFile
+    from numba.core.caching import NullCache
     from numba.core.codegen import JITCodeLibrary
-    from numba.core.compiler import CompilerBase, DefaultPassBuilder
+    from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.compiler_machinery import register_pass
     from numba.core.errors import NumbaTypeError
     from numba.core.imputils import lower_cast, lower_getattr_generic
     from numba.core.runtime.nrt import rtsys
+    from numba.core.serialize import dumps
     from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
     from numba.core.untyped_passes import InlineClosureLikes
     from numba.extending import intrinsic, models, register_model, typeof_impl
@@ -48,10 +48,8 @@ try:
 
     attrgetter("make_function")(_dynfunc)
     attrgetter("RecordingListener", "register")(event)
-    attrgetter("_load_index", "_load_data", "_data_path", "_open_for_write")(IndexDataCacheFile)
+    attrgetter("_reduce", "_rebuild")(CompileResult)
     attrgetter("if_unlikely", "unpack_tuple", "pointer_add", "gep")(cgutils)
-    set_by_init = SimpleNamespace(**dict.fromkeys(IndexDataCacheFile.__init__.__code__.co_names))
-    attrgetter("_cache_path", "_index_name", "_index_path", "_source_stamp")(set_by_init)
     attrgetter("_optimize_final_module", "_finalize_final_module", "_get_module_for_linking")(JITCodeLibrary)
 except (ImportError, AttributeError) as error:
     said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
@@ -164,113 +162,91 @@ _features, _settings = binding.get_host_cpu_features(), vars(numba.config)
 if _settings["CPU_NAME"] is None and SHIPPED.is_dir() and all(map(_features.get, X86_64_V3)):
     _settings.update(CPU_NAME="x86-64-v3", CPU_FEATURES="")  # as a release is, where this is one
 
-_Files: Any = IndexDataCacheFile
+DIGEST_BYTES = hashlib.sha256().digest_size
+
+_Uncached: Any = NullCache
 
 
-class _SealedFiles(_Files):  # type: ignore[misc]
-    """numba's files of compiled code with digests at their ends: what was changed is compiled anew, not unpickled."""
+class _Cache(_Uncached):  # type: ignore[misc]
+    """Keeps compiled code of a function in files that begin with their digests: what was changed is compiled anew."""
 
-    def load(self, key: Any) -> Any:
-        """Return compiled code from the user's cache, else what was shipped; None if there is neither."""
-        found = super().load(key)
-        if found is not None:
-            return found
-        folder = Path(self._cache_path)
-        name = folder.name.rpartition("_")[0]  # the rest stands for the path of the machine that compiled it
-        for index in SHIPPED.glob(f"{folder.parent.name}/{name}_*/{self._index_name}"):
-            return super(_SealedFiles, _SealedFiles(index.parent, index.stem, self._source_stamp)).load(key)
+    def __init__(self, function: Any, contents_digest: str) -> None:
+        code, file = function.__code__, Path(function.__code__.co_filename)
+        self._digest, self._name = contents_digest, f"{file.stem}.{function.__name__}"
+        self._made_from = _digest(file.read_bytes()), code.co_firstlineno, code.co_code
+
+    def _path(self, folder: Path, signature: Any, context: Any) -> Path:
+        made_from = self._made_from, signature, context.codegen().magic_tuple(), sys.implementation.cache_tag
+        return folder / f"{self._name}.{_digest(repr(made_from).encode()).hex()[:16]}.nbc"
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return compiled code from the user's cache, else what was shipped; None if there is neither.
+
+        To run it, only numba's memory management is set up; its compiler, which takes a tenth of a second, can wait.
+        """
+        rtsys.initialize(context)
+        for folder in (open_cache(self._digest), SHIPPED / self._digest):
+            with suppress(OSError):
+                sealed = self._path(folder, signature, context).read_bytes()
+                if _digest(contents := sealed[DIGEST_BYTES:]) == sealed[:DIGEST_BYTES]:
+                    return CompileResult._rebuild(context, *pickle.loads(contents))
         return None
 
-    def save(self, key: Any, data: Any) -> None:
-        """Keep compiled code, or warn, once a folder, that it cannot be kept."""
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep compiled code that holds no address of this process, or warn, once a folder, that it cannot be kept."""
+        module = result.library._get_module_for_linking()
+        calls_itself = any(each.name.startswith(".numba.unresolved$") for each in module.global_variables)
+        if calls_itself or result.library.has_dynamic_globals:
+            return
+        path = self._path(open_cache(self._digest), signature, result.target_context)
+        part, contents = path.with_suffix(f".{os.urandom(4).hex()}.nbc"), dumps(result._reduce())
         try:
-            super().save(key, data)
+            path.parent.mkdir(exist_ok=True)
+            part.write_bytes(_digest(contents) + contents)
+            part.replace(path)
         except OSError as error:
-            folder = Path(self._cache_path).parents[1]
+            folder = path.parents[1]
             message = f"{folder}: compiled code cannot be kept here; every command compiles it anew: {error.strerror}"
             warnings.warn(f"{message}; make room, or name another folder in NUMBA_CACHE_DIR", stacklevel=1)
 
-    def _load_index(self) -> Any:
-        return {} if _unsealed(self._index_path) is None else super()._load_index()
 
-    def _load_data(self, name: str) -> Any:
-        contents = _unsealed(path := self._data_path(name))
-        if contents is None:
-            raise FileNotFoundError(path)
-        return pickle.loads(contents)
-
-    @contextmanager
-    def _open_for_write(self, path: str) -> Iterator[io.BytesIO]:
-        with super()._open_for_write(path) as file:
-            contents = io.BytesIO()
-            yield contents
-            file.write(seal(contents.getvalue()))
+def _digest(contents: bytes) -> bytes:
+    return hashlib.sha256(contents).digest()
 
 
-def seal(contents: bytes) -> bytes:
-    """Return the contents with their digest behind them."""
-    return contents + hashlib.sha256(contents).digest()
+def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:
+    """Return `function` compiled without fast-math and parallel loops, kept under the digest of all it depends on.
 
-
-def _unsealed(path: str) -> bytes | None:
-    """Return the contents of a file that `seal` has completed; None if it is missing, or its digest is wrong."""
-    try:
-        sealed = Path(path).read_bytes()
-    except OSError:
-        return None
-    contents = sealed[:-32]
-    return contents if contents and seal(contents) == sealed else None
-
-
-def seal_cache(compiled: Any) -> None:
-    """Have numba's files of a function on disk checked before they are used.
-
-    To run it, only numba's memory management is set up; its compiler, which takes a tenth of a second, can wait.
+    If `careful`, a division by 0 and an index out of bounds raise, as in Python; else they are undefined.
     """
-    cache = compiled._cache
-    cache._cache_file.__class__ = _SealedFiles
-
-    def load(signature: Any, context: Any) -> Any:
-        rtsys.initialize(context)
-        return cache._load_overload(signature, context)
-
-    cache.load_overload = load
+    compiler: Any = njit  # its types lack some of its options
+    choices = {"nogil": True, "boundscheck": careful, "no_cfunc_wrapper": True, **options}
+    compiled = compiler(error_model="python" if careful else "numpy", **choices)(function)
+    compiled._cache = _Cache(function, contents_digest)
+    return cast(Function, compiled)
 
 
 _recorder = event.RecordingListener()
 event.register("numba:compile", _recorder)
 
 
-def _compilations() -> list[tuple[bool, Any]]:
-    """Return the compilations of this process: whether each began or ended, and the function."""
-    return [(each.is_start, each.data["dispatcher"].py_func) for _, each in list(_recorder.buffer)]
+def compiling() -> tuple[int, Path | None] | None:
+    """Return how many functions this process has compiled, and the user's file that is being compiled, if it is one.
 
-
-def count_compiled() -> tuple[int, int]:
-    """Return how many functions this process has compiled, and of how many; cached functions do not count."""
-    planned: set[CodeType] = set()
-    events = _compilations()
-    todo = [function for _, function in events]
-    while todo:
-        function = todo.pop()
-        if function.__code__ not in planned:
-            planned.add(function.__code__)
-            kernels = map(function.__globals__.get, function.__code__.co_names)
-            todo += [each.function for each in kernels if isinstance(getattr(each, "function", None), FunctionType)]
-    return len({function.__code__ for begins, function in events if not begins}), len(planned)
-
-
-def compiled_now() -> Path | None:
-    """Return the file, not of this package or numba, of a function that is being compiled; None if there is none."""
-    begun: list[Any] = []
-    for begins, function in _compilations():
-        if begins:
-            begun.append(function)
+    Return None if nothing is being compiled. Cached functions do not count.
+    """
+    done, begun = set[Any](), []
+    for _, each in list(_recorder.buffer):
+        code = each.data["dispatcher"].py_func.__code__
+        if each.is_start:
+            begun.append(code)
         else:
-            begun.remove(function)
+            begun.remove(code)
+            done.add(code)
     ours = {PACKAGE, Path(numba.__file__).parent}
-    files = [Path(function.__code__.co_filename) for function in reversed(begun)]
-    return next((file for file in files if file.suffix == ".py" and ours.isdisjoint(file.parents)), None)
+    files = [Path(code.co_filename) for code in reversed(begun)]
+    file = next((file for file in files if file.suffix == ".py" and ours.isdisjoint(file.parents)), None)
+    return (len(done), file) if begun else None
 
 
 @cache
@@ -287,26 +263,16 @@ def compile_call(function: Any, contents_digest: str, *takes: Any) -> Any:
     """
     compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True)
     compiled.compile(takes or (BLOCK, ADDRESSES, INTP))
-    (result,) = compiled.overloads.values()
-    module = result.library._get_module_for_linking()
-    if any(each.name.startswith(".numba.unresolved$") for each in module.global_variables):
-        # it calls itself, at an address of this process: a process that took it from the cache would crash
-        shutil.rmtree(open_cache(contents_digest), ignore_errors=True)
-    return compiled
-
-
-def compile_kernel(kernel: Any, *further: Any) -> Any:
-    """Compile a kernel (block, addresses, ...) with further arguments of these types, before any clock runs."""
-    compiled = kernel.for_python
-    if not compiled.overloads:
-        compiled.compile((BLOCK, ADDRESSES, *further))
     return compiled
 
 
 @cache
 def address_of(kernel: Any, *further: Any) -> int:
-    """Return the address of a kernel (block, addresses, ...); types of further arguments: one whole number if none."""
-    return function_address(compile_kernel(kernel, *(further or (INTP,))))
+    """Return the address of a kernel (block, addresses, ...) with further arguments of these types, now compiled."""
+    compiled = kernel.for_python
+    if not compiled.overloads:
+        compiled.compile((BLOCK, ADDRESSES, *further))
+    return function_address(compiled)
 
 
 def compile_elsewhere(parts: Mapping[str, tuple[Any, tuple[Any, ...]]], target: str, features: str) -> bytes:
@@ -374,11 +340,8 @@ def _call_c(result: ir.Type) -> Any:
         ]
         kind = ir.FunctionType(result, [value.type for value in values])
         returned = builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), values)
-        if isinstance(result, ir.PointerType):
+        if result == _POINTER:
             return builder.ptrtoint(returned, context.get_value_type(types.intp))
-        if isinstance(result, ir.LiteralStructType):
-            numbers = [builder.extract_value(returned, index) for index in range(len(result.elements))]
-            return context.make_tuple(builder, signature.return_type, numbers)
         return context.get_dummy_value() if isinstance(result, ir.VoidType) else returned
 
     return generate
@@ -410,8 +373,8 @@ pointer_from_c = _caller(types.intp, _call_c(_POINTER))
 double_from_c = _caller(types.float64, _call_c(ir.DoubleType()))
 """Returns the double that the C function at an address returns."""
 
-vector_from_c = _caller(types.UniTuple(types.float64, 2), _call_c(ir.LiteralStructType([ir.DoubleType()] * 2)))
-"""Returns the struct of two doubles that the C function at an address returns, as a tuple."""
+vector_from_c = _caller(types.UniTuple(types.float64, 2), _call_c(ir.ArrayType(ir.DoubleType(), 2)))
+"""Returns the struct of two doubles that the C function at an address returns: to LLVM, an array is returned alike."""
 
 
 def record_type(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:

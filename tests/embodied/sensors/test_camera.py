@@ -13,7 +13,7 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.sensors.camera import begin_pictures, look, take_pictures
 from epuck_sim.embodied.swarm import HIDE, make_block, open_block, swarm_at
 from epuck_sim.util.jit import jit_no_alloc
-from epuck_sim.util.native import address_of
+from epuck_sim.util.native import INTP, address_of
 from epuck_sim.util.rng import uniform
 from epuck_sim.util.seeds import robot_streams
 from tests.embodied import scenes
@@ -89,7 +89,7 @@ def hide_every_third(block: ByteArray, addresses: IntArray, robot: int) -> None:
 @given(scenes.any_scenes(robots=(3, 10, 30)), scenes.camera_settings())
 def test_rings_that_faults_hide_from_a_robot_are_dark_to_it_alone(scene, camera):
     addresses = scenes.ADDRESSES.copy()
-    addresses[HIDE] = address_of(hide_every_third)
+    addresses[HIDE] = address_of(hide_every_third, INTP)
     block = scenes.block_of(scene, camera)
     block.swarm.scene[0].hides_flashes = True
     look(block.bytes, addresses, 0)
