@@ -14,7 +14,7 @@ from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
-from epuck_sim.embodied.bodies.shapes import WALL_CM
+from epuck_sim.embodied.bodies.world import WALL_CM
 from epuck_sim.embodied.cells import count_cells
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.simulation import Simulation

@@ -13,23 +13,27 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from operator import attrgetter
 from types import FunctionType, SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pymunk
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.bodies.contacts import PUSHED_CM, SLOP_CM, add_reached, find_contact_candidates, move_others
-from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, open_block, swarm_at
 from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call_c, double_from_c, pointer_from_c, vector_from_c
 
+if TYPE_CHECKING:
+    from epuck_sim.embodied.bodies.world import Bodies
+
 try:
     from pymunk._chipmunk_cffi import ffi, lib
 except ImportError:
     ffi = lib = None
+
+Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 
 
 def _setter(name: str) -> Callable[..., None]:
@@ -254,7 +258,7 @@ def take_from_space(space: int, things: Iterable[Thing]) -> None:
                 remove(pointer, _struct(thing))
 
 
-def free_space(addresses: IntArray, bodies: Bodies) -> None:
+def free_space(addresses: IntArray, bodies: "Bodies") -> None:
     """Free the space, if there is one, after removing the parts that pymunk's objects free themselves."""
     if addresses[SPACE]:
         take_from_space(addresses[SPACE], [bodies.ground, *bodies.listed, *bodies.pushed])

@@ -14,7 +14,7 @@ from epuck_sim import Simulation, epuck, load_scenario
 from epuck_sim.arena import clearance_cm, make_arena
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM, NOBODY, PUSHED_CM, find_contact_candidates
-from epuck_sim.embodied.bodies.shapes import DYNES_PER_NEWTON, GRAVITY_CM_S2
+from epuck_sim.embodied.bodies.world import DYNES_PER_NEWTON, GRAVITY_CM_S2
 from epuck_sim.geometry import box_corners
 from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, advanced, overlap_cm, squeeze
 from tests.embodied.steps import constant

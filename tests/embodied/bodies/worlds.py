@@ -6,8 +6,7 @@ import pymunk
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.bodies.contacts import SLOP_CM
-from epuck_sim.embodied.bodies.shapes import make_bodies
-from epuck_sim.embodied.bodies.world import World
+from epuck_sim.embodied.bodies.world import World, make_bodies
 from epuck_sim.embodied.observers import make_scene
 from epuck_sim.embodied.swarm import offset_of, poses_of
 from epuck_sim.scenario.embodied import ContactSection
