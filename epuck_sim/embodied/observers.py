@@ -24,7 +24,7 @@ from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
 from epuck_sim.scenario.embodied import TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.util.jit import jit, jit_inline
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 
 class Scene(NamedTuple):
@@ -79,50 +79,70 @@ def find_sightings(
     parts, listed = [np.empty((0, 3), np.int64)], np.ones(poses.shape[:2], np.bool_) if listed is None else listed
     for number, group in enumerate(scene.groups):
         if group.signal.kind != "radio":
-            write = partial(write_sightings, scene.block, number, group.signal.kind != "camera", poses, listed)
+            write = write_seen if group.signal.kind == "camera" else write_perceived
             room = 2 * len(poses) * group.count  # most robots see no more than two
-            parts += _with_room(write, np.empty((room, 3), np.int64))
+            parts += _with_room(partial(write, scene.block, number, poses, listed), np.empty((room, 3), np.int64))
     found: IntArray = np.concatenate(parts)
     if len(scene.groups) > 1:
         found = found[np.argsort(found[:, 0], kind="stable")]
     return found if present is None or present.all() else found[present[found[:, 1]]]
 
 
-@jit
-def write_sightings(
-    block: ByteArray, number: int, by_cone: bool, poses: FloatArray, listed: BoolArray, found: IntArray
-) -> int:
-    """Write the sightings that `find_sightings` returns, as far as there is room; return the number of all."""
+@jit_no_alloc
+def write_perceived(block: ByteArray, number: int, poses: FloatArray, listed: BoolArray, found: IntArray) -> int:
+    """Write the sightings of a group without cameras, as far as there is room; return the number of all."""
     swarm = swarm_at(block)
     group, robots = swarm.groups[number], len(swarm.robots)
-    row = np.zeros(group.pixels, np.int64)
-    last_row = np.zeros(robots + 1, np.int64)  # number, over all steps, of the last row that showed each robot
-    sightings = rows = 0
+    sightings = 0
     for step in range(len(poses)):
-        for robot in range(robots):
-            swarm.numbers[robots + robot] = robot + 1 if listed[step, robot] else 0
-        lit = list_labelled(swarm)
-        if lit == 0:
+        if _show(block, poses, listed, step) == 0:
             continue
-        place_robots(block, poses[step])
         for observer in range(group.first, group.first + group.count):
-            if by_cone:
-                for robot in range(robots):
-                    if swarm.numbers[robots + robot] > 0 and perceives(swarm, group.cone, observer, robot):
-                        sightings = _add(step, observer, robot, found, sightings)
-                continue
-            rows += 1
-            row[:] = 0
-            see(swarm, group, observer, lit, row)
-            for pixel in range(group.camera.first, group.camera.end):
-                seen = row[pixel]
-                if seen > 0 and last_row[seen] != rows:
-                    last_row[seen] = rows
-                    sightings = _add(step, observer, seen - 1, found, sightings)
+            for robot in range(robots):
+                if swarm.numbers[robots + robot] > 0 and perceives(swarm, group.cone, observer, robot):
+                    sightings = _add(step, observer, robot, found, sightings)
     return sightings
 
 
-@jit
+@jit_no_alloc
+def write_seen(block: ByteArray, number: int, poses: FloatArray, listed: BoolArray, found: IntArray) -> int:
+    """Do the same for a group with cameras."""
+    swarm = swarm_at(block)
+    group, robots = swarm.groups[number], len(swarm.robots)
+    last_row = swarm.numbers[2 * robots : 3 * robots]  # number, over all steps, of the last row that showed each robot
+    row = swarm.numbers[3 * robots : 3 * robots + group.pixels]
+    sightings = rows = 0
+    for robot in range(robots):
+        last_row[robot] = 0
+    for step in range(len(poses)):
+        lit = _show(block, poses, listed, step)
+        for observer in range(group.first, group.first + group.count if lit > 0 else 0):
+            rows += 1
+            for pixel in range(group.pixels):
+                row[pixel] = 0
+            see(swarm, group, observer, lit, row)
+            for pixel in range(group.camera.first, group.camera.end):
+                seen = row[pixel] - 1
+                if seen >= 0 and last_row[seen] != rows:
+                    last_row[seen] = rows
+                    sightings = _add(step, observer, seen, found, sightings)
+    return sightings
+
+
+@jit_inline
+def _show(block: ByteArray, poses: FloatArray, listed: BoolArray, step: int) -> int:
+    """Label the robots that can be seen in a step, and put all in their places if there are any; return how many."""
+    swarm = swarm_at(block)
+    robots = len(swarm.robots)
+    for robot in range(robots):
+        swarm.numbers[robots + robot] = robot + 1 if listed[step, robot] else 0
+    lit = list_labelled(swarm)
+    if lit > 0:
+        place_robots(block, poses[step])
+    return lit
+
+
+@jit_no_alloc
 def _add(step: int, robot: int, other: int, found: IntArray, count: int) -> int:
     """Write a row if there is room; return the number of rows so far."""
     if count < len(found):
@@ -146,7 +166,7 @@ def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray
     return found, points
 
 
-@jit
+@jit_no_alloc
 def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points: FloatArray) -> int:
     """Write the contacts that `find_contacts` returns, as far as there is room; return the number of all."""
     swarm = swarm_at(block)
@@ -186,7 +206,7 @@ def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points:
     return count
 
 
-@jit
+@jit_no_alloc
 def _nearest_point(edges: Any, count: int, first: int, x: float, y: float) -> tuple[tuple[float, float], int]:
     """Return the point of the polygon from edge `first` on that is nearest to (x, y), and the edge after its last."""
     found, nearest = (math.inf, math.inf), math.inf
@@ -204,7 +224,7 @@ def _nearest_point(edges: Any, count: int, first: int, x: float, y: float) -> tu
     return found, place
 
 
-@jit
+@jit_no_alloc
 def _add_contact(
     step: int, robot: int, other: int, point: tuple[float, float], found: IntArray, points: FloatArray, count: int
 ) -> int:
