@@ -12,11 +12,12 @@ from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.embodied.cells import count_cells, set_cells
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS
+from epuck_sim.embodied.own_sensors import assign_sense, sensed_bytes
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.sensors.infrared import set_infrared
 from epuck_sim.embodied.sensors.signals import set_signal, slots_of
 from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
-from epuck_sim.embodied.user_code import assign_bytes, assign_sense, bytes_needed
+from epuck_sim.embodied.user_code import assign_bytes, bytes_needed
 from epuck_sim.faults import set_faults
 from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection, arena_after, arena_entries
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
@@ -106,7 +107,7 @@ def _lengths(
         "lamps": len(arenas[0].lamps),
         "picture": arenas[0].floor.picture.size,
         "senses": len(own),
-        "sensed": sum(itertools.starmap(bytes_needed, own)),
+        "sensed": sum(itertools.starmap(sensed_bytes, own)),
         "bytes": sum(bytes_needed(each, group.count) for group, each in zip(groups, controllers, strict=True)),
     }
 

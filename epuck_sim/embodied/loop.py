@@ -17,11 +17,12 @@ from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
 from epuck_sim.embodied.changes.schedule import blank, rest
 from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
+from epuck_sim.embodied.own_sensors import OwnSensor
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.signals import perceive_flashes, receive_pulses
 from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, PIXELS, Swarm, copy_array, swarm_at
-from epuck_sim.embodied.user_code import GroupControllers, OwnSensor
+from epuck_sim.embodied.user_code import GroupControllers
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.elementary import log, sin, sin_cos
@@ -201,6 +202,18 @@ def act_together(
         copy_array(array_at(own, 0, len(copy), INT64), array_at(copy, 0, len(copy), INT64))
 
 
+SENSORS: Mapping[Callable[..., None], Callable[[RobotGroup], bool]] = {
+    sense_infrared: lambda _: True,
+    look: lambda group: group.signal.kind == "camera",
+    add_reflections: lambda group: group.signal.kind == "camera" and group.camera.reflection_range_cm > 0,
+    take_pictures: lambda group: group.signal.kind == "camera" and group.camera.frames_per_s is not None,
+    perceive_flashes: lambda group: group.signal.kind in ("cone", "enki_camera"),
+    receive_pulses: lambda group: group.signal.kind == "radio",
+}
+"""Functions (block, addresses, group) by which groups sense, in the order of their calls, and whether a group has each.
+"""
+
+
 def plan_calls(
     scenario: EmbodiedScenario, sensors: Sequence[OwnSensor], controllers: Sequence[GroupControllers]
 ) -> tuple[list[tuple[Any, int]], list[tuple[Any, int]]]:
@@ -212,7 +225,7 @@ def plan_calls(
         *([(stop_and_release, 0)] * (scenario.stuck.per_hour > 0)),
         *([(change_faults, 0)] * faulty),
         *((hold, group) for group in groups if faulty),
-        *((sense, group) for group in groups for sense in sensors_of(scenario.robots[group])),
+        *((sense, group) for group in groups for sense, has in SENSORS.items() if has(scenario.robots[group])),
         *((sensor, number) for number, sensor in enumerate(sensors) if sensor.robots.start < sensor.robots.stop),
         *((blank_readings, group) for group in groups if faulty),
         *((blank, group) for group in groups if scenario.members_change),
@@ -220,15 +233,6 @@ def plan_calls(
         *((freeze, group) for group in groups if faulty),
     ]
     return early, [*([(fail_actuators, 0)] * faulty), *([(rest, 0)] * scenario.members_change)]
-
-
-def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
-    """Return the functions (block, addresses, group) by which a group senses, in the order of their calls."""
-    if section.signal.kind != "camera":
-        return [sense_infrared, receive_pulses if section.signal.kind == "radio" else perceive_flashes]
-    camera = section.camera
-    mirrors, waits = camera.reflection_range_cm > 0, camera.frames_per_s is not None
-    return [sense_infrared, look, *[add_reflections] * mirrors, *[take_pictures] * waits]
 
 
 class ControlLoop:
@@ -398,13 +402,10 @@ class History:
 
 # --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------
 
-PARTS = {"left_cm_s": "wheels", "right_cm_s": "wheels", "ring_on": "ring"}
-"""The part of `EXTERNAL` that a controller leaves to each command, by the command's name."""
-
 
 def check_command(name: str, values: npt.NDArray[Any], robots: IntArray) -> None:
-    """Raise ValueError if a command, by its name in `PARTS`, to these robots is not allowed."""
-    part = PARTS[name]
+    """Raise ValueError if a command, by its name in `ACTUATORS`, to these robots is not allowed."""
+    part = "ring" if name == "ring_on" else "wheels"
     if not len(robots):
         raise ValueError(
             f"{name} is given, but no robot has its {part} commanded from outside; give a group `controller: "

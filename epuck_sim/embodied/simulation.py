@@ -25,13 +25,14 @@ from epuck_sim.embodied.changes import schedule
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, begin_faults, take_events
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
-from epuck_sim.embodied.loop import FIRED, MOST_STEPS, PARTS, ControlLoop, History, Stretch, act_again, check_command
+from epuck_sim.embodied.loop import FIRED, MOST_STEPS, ControlLoop, History, Stretch, act_again, check_command
 from epuck_sim.embodied.observers import Scene
+from epuck_sim.embodied.own_sensors import OwnSensor
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.start import SCHEDULE, draw_places, draw_start, put_at_given_poses, vary
 from epuck_sim.embodied.step import Step, shown_steps
-from epuck_sim.embodied.swarm import PATCHES
-from epuck_sim.embodied.user_code import GroupControllers, OwnSensor, RobotError
+from epuck_sim.embodied.swarm import PATCHES, PIXELS
+from epuck_sim.embodied.user_code import GroupControllers, RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.faults import begin_or_end
 from epuck_sim.scenario.changes import TrialEvent, timed_entries
@@ -86,6 +87,10 @@ class Simulation:
     """Seconds from one control step to the next."""
     events: list[TrialEvent]
     """Entries of the schedule that were carried out, and faults that began and ended, in the order of their steps."""
+    external_wheels: IntArray
+    """(n,) numbers of the robots whose wheels are commanded from outside; see `command`."""
+    external_rings: IntArray
+    """(m,) numbers of the robots whose rings are commanded from outside."""
     is_firing: bool
     """Whether the reference, an oscillator, fires in the last step (thesis 4.2.1)."""
 
@@ -151,12 +156,13 @@ class Simulation:
             scenario, self._scene, self._world, self._sensors, self._groups, interpret=self._interpret
         )
         self.memory = block, self._loop.addresses  # the swarm, and where the functions are that it calls
-        external = {part: [part in each.external for each in controllers] for part in EXTERNAL}
-        self._external = {
-            part: np.flatnonzero(np.repeat(flags, swarm.groups["count"])) for part, flags in external.items()
-        }
+        self.external_wheels, self.external_rings = (
+            np.flatnonzero(np.repeat([part in each.external for each in controllers], swarm.groups["count"]))
+            for part in EXTERNAL
+        )
         swarm.robots["starts"] = self._starts[0] = True
-        self._template = block[: swarm.scene[0].at[PATCHES]].copy()
+        self._template = block[: swarm.scene[0].at[PIXELS]].copy()
+        self._blank = slice(len(self._template), int(swarm.scene[0].at[PATCHES]))  # bytes that a trial begins with as 0
         self._starts[0] = False
         self._show(self._arenas[0])
 
@@ -188,7 +194,7 @@ class Simulation:
             scenario.schedule, lambda at_s: math.ceil(round(at_s * 1000, 6) / self._step_ms), sys.maxsize
         )
         self.is_firing = False
-        block[: len(self._template)] = self._template
+        self._clear(block)
         draw_start(block, self.seed)
         for sensor in self._sensors:
             sensor.draw_streams(self.seed)
@@ -214,6 +220,10 @@ class Simulation:
         self._starts[0] = False
         schedule.take_out(self._absent, self._swarm, self._world, self._groups)
 
+    def _clear(self, block: ByteArray) -> None:
+        block[: len(self._template)] = self._template
+        block[self._blank] = 0
+
     @property
     def controllers(self) -> list[Controller]:
         """The controller of each group."""
@@ -223,16 +233,6 @@ class Simulation:
     def period_ms(self) -> FloatArray:
         """(robots,) ms: the oscillators' periods; NaN for robots without an oscillator."""
         return np.repeat([group.period_ms for group in self._groups], self._swarm.groups["count"])
-
-    @property
-    def external_wheels(self) -> IntArray:
-        """(n,) numbers of the robots whose wheels are commanded from outside; see `command`."""
-        return self._external["wheels"]
-
-    @property
-    def external_rings(self) -> IntArray:
-        """(m,) numbers of the robots whose rings are commanded from outside."""
-        return self._external["ring"]
 
     @property
     def steps(self) -> int:
@@ -248,7 +248,7 @@ class Simulation:
     def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
         """Return the block before anything is drawn, and the functions that control steps call, by index: for pages."""
         block = self._block.copy()
-        block[: len(self._template)] = self._template
+        self._clear(block)
         return block, self._loop.functions
 
     def page(self) -> Any:
@@ -376,10 +376,11 @@ class Simulation:
         commands = {name: np.array(values) for name, values in given.items() if values is not None}
         if not commands:
             raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
+        robots = {name: self.external_rings if name == "ring_on" else self.external_wheels for name in commands}
         for name, values in commands.items():
-            check_command(name, values, self._external[PARTS[name]])
+            check_command(name, values, robots[name])
         for name, values in commands.items():
-            self._swarm.robots.actuators[name][self._external[PARTS[name]]] = values
+            self._swarm.robots.actuators[name][robots[name]] = values
         act_again(*self.memory)
         self._note("command", **commands)
 

@@ -1,23 +1,22 @@
-"""Users' code that runs on robots: controllers and sensors in files, and messages about their errors.
+"""Users' code that runs on robots: controllers here, sensors in `own_sensors`, and messages about their errors.
 
 It is compiled by numba, interpreted for breakpoints and any library, or firmware in C. Compiled and interpreted code
-run the same source, users' files and `run_group` and `run_sensor` below, with equal results bit for bit. Compiled code
+run the same source, users' files, `run_group` and `run_sensor`, with equal results bit for bit. Compiled code
 does not know the line at which it raised, so code that fails runs again as plain Python, which does.
 """
 
 import ctypes
+import linecache
 import math
 import sys
 from abc import ABC, abstractmethod
 from bdb import BdbQuit
 from collections import namedtuple
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from time import perf_counter
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
-from zlib import crc32
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,25 +24,21 @@ import numpy.typing as npt
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
-from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, Wheels, World
+from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.control.names import check_sensed
-from epuck_sim.embodied.start import SENSORS
-from epuck_sim.embodied.swarm import BYTES, FLOAT64, SENSED, SENSED_BYTES, Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import BYTES, SENSED, SENSED_BYTES, Swarm, open_block, swarm_at
 from epuck_sim.errors import ControllerError
-from epuck_sim.user_files import line_of_definition, line_of_error
+from epuck_sim.user_files import line_of_error
 from epuck_sim.util.jit import bind, jit_inline, jit_no_alloc
 from epuck_sim.util.messages import describe_error
-from epuck_sim.util.native import INTP, address_of, array_at, call_c, function_address, record_type
-from epuck_sim.util.seeds import robot_streams
+from epuck_sim.util.native import INTP, address_of, array_at, call_c, function_address
 
 if TYPE_CHECKING:  # `bind` provides them
     start: Callable[..., None]
     step: Callable[..., None]
-    complete: Callable[..., Any]
-    sense: Callable[..., None]
+    gather: Callable[..., Any]
     MEMORY: np.dtype[Any]
-    READINGS: np.dtype[Any]
     PARAMETERS: np.dtype[Any]
 
 Records = npt.NDArray[np.void]
@@ -70,18 +65,22 @@ class UserCode(ABC):
     """A user's code on robots of a block, which must not move in memory: the controllers of a group, or a sensor."""
 
     robots: slice  # numbers of the robots
+    parameters: Records  # (1,) the parameters of all of them, in place
     run: Callable[[ByteArray, IntArray, int], None]
     """Runs the code on each robot; takes the block, the addresses and the code's number. Compiled or interpreted."""
     address: int  # address of `run` in this process; 0 if it is interpreted
     _is_compiled = False
     _sensing = 0  # `scene.sensing` while it runs
 
-    def __init__(self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any) -> None:
+    def __init__(
+        self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any, parameters: ByteArray
+    ) -> None:
         """Find the robots of a user's code by `record`, its GROUP or SENSE of this number in the block."""
         check_imported_copies(user)
         self._user, self._block, self._swarm, self._number = user, block, swarm, number
         self._scene = swarm.scene[0]
         self.robots = slice(int(record.first), int(record.first + record.count))
+        self.parameters = parameters.view(user.parameter_type)
 
     def _make_run(self, function: Any, names: Mapping[str, Any], contents: str = "", *, interpret: bool) -> None:
         """Set `run` to the function, compiled (`compile_for`) or interpreted; now, so that no trial's time has it."""
@@ -135,31 +134,24 @@ class UserCode(ABC):
         others = np.arange(len(swarm.robots)) != robot
         swarm.robots.present[others] = swarm.robots.starts[others] = False
         again = self._interpreted(swarm)
+        end_s, before = perf_counter() + AGAIN_S, sys.gettrace()
+
+        def trace(*_: object) -> Any:
+            if perf_counter() > end_s:
+                raise TimeoutError
+            return trace
+
+        sys.settrace(trace)
         try:
-            with _time_limit(AGAIN_S):
-                again(block, np.zeros(0, np.int64), self._number)
+            again(block, np.zeros(0, np.int64), self._number)
         except KeyboardInterrupt:
             raise
         except BaseException as second:
             if isinstance(second, expected):
                 return line_of_error(second, self._user.sources)
+        finally:
+            sys.settrace(before)
         return None
-
-
-@contextmanager
-def _time_limit(seconds: float) -> Iterator[None]:
-    end_s, before = perf_counter() + seconds, sys.gettrace()
-
-    def trace(*_: object) -> Any:
-        if perf_counter() > end_s:
-            raise TimeoutError
-        return trace
-
-    sys.settrace(trace)
-    try:
-        yield
-    finally:
-        sys.settrace(before)
 
 
 # --- controllers --------------------------------------------------------------------------------------
@@ -197,20 +189,10 @@ def run_group(block: ByteArray, addresses: IntArray, number: int) -> None:  # no
         if scene.starts:
             start(memories[member], parameters, robot.random[:])  # noqa: F821
             continue
-        sensed, row = robot.sensors, group.row + member * group.pixels
-        # slices, as numba takes arrays of different lengths in records for different types
-        sensors = Sensors(
-            int(sensed.step_ms),
-            sensed.infrared[:],
-            sensed.distance_mm[:],
-            swarm.pixels[row : row + group.pixels],
-            bool(sensed.new_picture),
-            int(sensed.pulses),
-            sensed.messages[:],
-            wheels,
-        )
-        sensed_by_all = complete(sensors, block, swarm, group.sense, member)  # noqa: F821
-        step(sensed_by_all, memories[member], robot.actuators, parameters, robot.random[:])  # noqa: F821
+        row = group.row + member * group.pixels
+        camera = swarm.pixels[row : row + group.pixels]
+        sensors = gather(block, swarm, group.sense, member, robot.sensors, camera, wheels)  # noqa: F821
+        step(sensors, memories[member], robot.actuators, parameters, robot.random[:])  # noqa: F821
     scene.serving = -1
 
 
@@ -228,11 +210,9 @@ def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
     scene.serving = -1
 
 
-def bytes_needed(user: Controller | Sensor, robots: int) -> int:
-    """Return how many bytes a group needs for a controller, in `Swarm.bytes`, or for a sensor, in `Swarm.sensed`."""
-    if isinstance(user, Controller):
-        return user.parameter_type.itemsize + (robots + 1) * user.memory.itemsize
-    return user.parameter_type.itemsize + robots * (2 * user.readings.itemsize + STREAM_BYTES)
+def bytes_needed(controller: Controller, robots: int) -> int:
+    """Return how many bytes in `Swarm.bytes` a group of this number of robots needs for a controller."""
+    return controller.parameter_type.itemsize + (robots + 1) * controller.memory.itemsize
 
 
 def assign_bytes(swarm: Swarm, group: Any, controller: Controller, first: int) -> int:
@@ -254,6 +234,7 @@ class GroupControllers(UserCode):
     """The controllers of one group of robots."""
 
     controller: Controller  # controller of the robots
+    memory: Records  # (robots,) memory of each robot, in place
 
     def __init__(
         self,
@@ -266,8 +247,9 @@ class GroupControllers(UserCode):
         interpret: bool = False,
     ) -> None:
         """Prepare a group's controllers without starting them; the block, which has room for them, stays as it is."""
-        self._group = swarm.groups[number]
-        super().__init__(controller, block, swarm, number, self._group)
+        self._group = group = swarm.groups[number]
+        super().__init__(controller, block, swarm, number, group, block[group.parameters : group.memory])
+        self.memory = block[group.memory :][: group.count * group.memory_bytes].view(controller.memory)
         check_sensed(controller, names_of_readings(sensors))
         self.controller, self._of_firmware = controller, list[int]()
         if isinstance(controller, Firmware):
@@ -277,7 +259,7 @@ class GroupControllers(UserCode):
             self._of_firmware.append(self._e_groups.ctypes.data)
             self.run, self.address = _run_firmware, address_of(_run_firmware, INTP)
         else:
-            names = {"start": controller.start, "step": controller.step, "complete": completion(tuple(sensors))}
+            names = {"start": controller.start, "step": controller.step, "gather": gatherer(tuple(sensors))}
             types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
             contents = repr([(each.name, each.readings) for each in sensors])
             self._make_run(run_group, names | types, contents, interpret=interpret)
@@ -289,17 +271,6 @@ class GroupControllers(UserCode):
         """
         self._group.controller = first
         return [self.address, *self._of_firmware]
-
-    @property
-    def memory(self) -> Records:
-        """(robots,) memory of each robot, in place."""
-        group = self._group
-        return self._block[group.memory :][: group.count * group.memory_bytes].view(self.controller.memory)
-
-    @property
-    def parameters(self) -> Records:
-        """(1,) the parameters of all robots, in place."""
-        return self._block[self._group.parameters : self._group.memory].view(self.controller.parameter_type)
 
     @property
     def period_ms(self) -> float:
@@ -375,126 +346,7 @@ def _e_groups(swarm: Swarm, number: int) -> Records:
     return records
 
 
-# --- sensors in files of their own (see `control.loader`) ----------------------------------------------
-
-STREAM = record_type([("words", "u8", 4)])  # a stream of random numbers
-
-STREAM_BYTES = STREAM.itemsize
-
-
-def run_sensor(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
-    """Read a sensor on each robot of a group that is in the arena; others read 0."""
-    swarm = swarm_at(block)
-    scene, own = swarm.scene[0], swarm.senses[number]
-    at = scene.at[SENSED_BYTES]
-    parameters = array_at(block, at + own.parameters, at + own.readings, PARAMETERS)[0]  # noqa: F821
-    readings = array_at(block, at + own.readings, at + own.random, READINGS)  # noqa: F821
-    words = array_at(block, at + own.readings, at + own.random, FLOAT64)
-    streams = array_at(block, at + own.random, at + own.kept, STREAM)
-    world = World(
-        float(scene.step * scene.step_s),
-        float(scene.width_cm),
-        float(scene.height_cm),
-        float(swarm.robots[own.first].radius_cm),
-        swarm.robots,
-        swarm.circles[: scene.circles],
-        swarm.edges[: scene.edges],
-        swarm,
-    )
-    first_robot, count, floats = own.first, own.count, own.floats
-    size = len(words) // count
-    scene.sensing = number + 1
-    for member in range(count):
-        robot, first = swarm.robots[first_robot + member], member * size
-        if not robot.present:
-            for place in range(first, first + size):
-                words[place] = 0.0
-            continue
-        stream = streams[member]
-        scene.serving = first_robot + member
-        scene.kept_random = stream.words
-        sense(world, robot, readings[member], parameters, stream.words[:])  # noqa: F821
-        for place in range(first, first + floats):
-            if math.isnan(words[place]):
-                raise ValueError("a reading is not a number")
-    scene.serving, scene.sensing = -1, 0
-
-
-def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int) -> int:
-    """Set the SENSE of a sensor of `count` robots from `first` on; return the end of its bytes, from `byte` on."""
-    record.first, record.count, record.parameters = first, count, byte
-    record.readings = byte + sensor.parameter_type.itemsize
-    record.random = record.readings + count * sensor.readings.itemsize
-    record.kept = record.random + count * STREAM_BYTES
-    fields = [sensor.readings[name] for name in sensor.readings.names or ()]
-    record.floats = sum(int(np.prod(field.shape, dtype=int)) for field in fields if field.base.kind == "f")
-    return byte + bytes_needed(sensor, count)
-
-
-def readings_of(swarm: Swarm, record: Any, sensor: Sensor) -> Records:
-    """Return (robots,) each robot's readings of a sensor, by its SENSE record, in place."""
-    readings: Records = swarm.sensed[record.readings : record.random].view(sensor.readings)
-    return readings
-
-
-class OwnSensor(UserCode):
-    """A sensor in a file of its own, of one group of robots."""
-
-    sensor: Sensor
-    name: str  # its name in the scenario
-
-    def __init__(
-        self, block: ByteArray, swarm: Swarm, number: int, name: str, sensor: Sensor, *, interpret: bool = False
-    ) -> None:
-        """Compile a sensor of a scenario, without calling it; number: its index in `Swarm.senses`."""
-        self._own = swarm.senses[number]
-        super().__init__(sensor, block, swarm, number, self._own)
-        self.sensor, self.name, self._sensing = sensor, name, number + 1
-        types = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
-        self._make_run(run_sensor, {"sense": sensor.sense, **types}, interpret=interpret)
-
-    @property
-    def readings(self) -> Records:
-        """(robots,) each robot's readings, in place."""
-        return readings_of(self._swarm, self._own, self.sensor)
-
-    @property
-    def parameters(self) -> Records:
-        """(1,) the parameters, in place."""
-        first, kind = int(self._scene.at[SENSED_BYTES]), self.sensor.parameter_type
-        return self._block[first + self._own.parameters : first + self._own.readings].view(kind)
-
-    @property
-    def keys(self) -> tuple[int, int]:
-        """Spawn key of its seed sequence, a child of the trial's."""
-        return SENSORS, crc32(self.name.encode())
-
-    @property
-    def streams_at(self) -> tuple[int, int]:
-        """Offsets in the block, in bytes, at which its robots' streams begin and end."""
-        first = int(self._scene.at[SENSED_BYTES])
-        return first + int(self._own.random), first + int(self._own.kept)
-
-    def draw_streams(self, seed: int) -> None:
-        """Set the robots' streams for the trial with a seed: they depend on the sensor's name and the robot alone."""
-        sequence = np.random.SeedSequence(seed, spawn_key=self.keys)
-        streams = robot_streams(sequence, self.robots.stop)[self.robots]
-        self._swarm.sensed[self._own.random : self._own.kept] = streams.view(np.uint8).ravel()
-
-    def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:  # noqa: ARG002
-        stream = swarm.senses[self._number].random + STREAM_BYTES * (robot - self.robots.start)
-        swarm.sensed[stream : stream + STREAM_BYTES] = swarm.scene[0].kept_random.view(np.uint8)
-
-    def _without_line(self, error: BaseException, robot: int) -> tuple[str, BaseException]:
-        reading = self.readings[robot - self.robots.start]
-        for name in self.sensor.readings.names or ():
-            if np.isnan(np.asarray(reading[name], float)).any():
-                error = ValueError(f"readings.{name} is not a number; allowed: numbers")
-                break
-        return f"{self.sensor.path}:{line_of_definition('sense', self.sensor.sources[self.sensor.path])}", error
-
-
-# --- readings for controllers: further fields of `Sensors`, by the names of the readings -------------------
+# --- readings for controllers: those of all robots, and those of sensors in files ------------------------
 
 
 def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
@@ -503,35 +355,40 @@ def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
 
 
 @lru_cache
-def completion(sensors: tuple[Sensor, ...]) -> Any:
-    """Return a kernel that adds to `Sensors` the readings of a group's own sensors, `Swarm.senses` from `first` on."""
-    if not sensors:
-        return _as_they_are
+def gatherer(sensors: tuple[Sensor, ...]) -> Any:
+    """Return a kernel that makes the `Sensors` of a robot, with readings of its own sensors, `Swarm.senses` from first.
+
+    Each field of `SENSED`, and each reading, becomes a field: a number, or an array, as a slice, since numba takes
+    arrays of different lengths in records for different types.
+    """
+    names = *Sensors._fields, *names_of_readings(sensors)
     known: dict[str, Any] = {
         "array_at": array_at,
-        "Complete": namedtuple("Sensors", (*Sensors._fields, *names_of_readings(sensors))),
+        "Sensors": cast(Any, namedtuple)("Sensors", names) if sensors else Sensors,
+        **{f"TYPE_{number}": sensor.readings for number, sensor in enumerate(sensors)},
     }
-    lines, fields = [], [f"sensors.{name}" for name in Sensors._fields]
+    lines, fields = [], {"camera": "camera", "wheels": "wheels"} | _fields_of("sensed", SENSED)
     for number, sensor in enumerate(sensors):
-        known[f"TYPE_{number}"] = sensor.readings
         place = f"swarm.senses[first + {number}]"
         lines.append(
             f"    own_{number} = array_at(block, at + {place}.readings, at + {place}.random, TYPE_{number})[member]"
         )
-        for name in sensor.readings.names or ():
-            field = sensor.readings[name]
-            number_type = "float" if field.kind == "f" else "int"
-            fields.append(f"own_{number}.{name}[:]" if field.shape else f"{number_type}(own_{number}.{name})")
-    source = [
-        "def complete(sensors, block, swarm, first, member):",
+        fields |= _fields_of(f"own_{number}", sensor.readings)
+    lines = [
+        "def gather(block, swarm, first, member, sensed, camera, wheels):",
         f"    at = swarm.scene[0].at[{SENSED_BYTES}]",
         *lines,
-        f"    return Complete({', '.join(fields)})",
+        f"    return Sensors({', '.join(fields[name] for name in names)})",
     ]
-    exec("\n".join(source), known)
-    return jit_inline(known["complete"])
+    source, file = "\n".join(lines), f"<sensors {', '.join(names)}>"
+    linecache.cache[file] = len(source), None, source.splitlines(keepends=True), file  # for debuggers, and for pages
+    exec(compile(source, file, "exec"), known)
+    return jit_inline(known["gather"])
 
 
-@jit_inline
-def _as_they_are(sensors: Any, block: ByteArray, swarm: Any, first: int, member: int) -> Any:  # noqa: ARG001
-    return sensors
+def _fields_of(record: str, kind: np.dtype[Any]) -> dict[str, str]:
+    kinds = {"f": "float", "i": "int", "b": "bool"}
+    return {
+        name: f"{record}.{name}[:]" if kind[name].shape else f"{kinds[kind[name].kind]}({record}.{name})"
+        for name in kind.names or ()
+    }

@@ -16,10 +16,11 @@ from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.bodies.world import WALL_CM
 from epuck_sim.embodied.cells import count_cells
+from epuck_sim.embodied.own_sensors import OwnSensor
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
-from epuck_sim.embodied.user_code import GroupControllers, OwnSensor
+from epuck_sim.embodied.user_code import GroupControllers
 from epuck_sim.errors import ScenarioError
 from epuck_sim.page.roots import own_controllers, own_sensors, shipped_root
 from epuck_sim.page.settings import Setting, allowed, fields_of, refuse, stops

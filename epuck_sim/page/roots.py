@@ -23,7 +23,8 @@ from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.embodied import loop, start, user_code
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.sensors import camera, infrared, signals
+from epuck_sim.embodied.own_sensors import run_sensor
+from epuck_sim.embodied.sensors import camera
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -74,9 +75,7 @@ _ROBOTS: tuple[Root, ...] = (
     (chipmunk.place, _SWARM),
     (chipmunk.rest, _OF_GROUP),
     (loop.take_steps, (*_SWARM, types.int64, types.boolean)),
-    *((kernel, _OF_GROUP) for kernel in (loop.tick, loop.stop_and_release, infrared.sense_infrared)),
-    *((kernel, _OF_GROUP) for kernel in (camera.look, camera.take_pictures, camera.add_reflections)),
-    *((kernel, _OF_GROUP) for kernel in (signals.perceive_flashes, signals.receive_pulses)),
+    *((kernel, _OF_GROUP) for kernel in (loop.tick, loop.stop_and_release, *loop.SENSORS)),
 )
 
 
@@ -109,7 +108,7 @@ def controller_root(controller: Controller, sensors: tuple[Sensor, ...] = ()) ->
     values = {
         "MEMORY": controller.memory,
         "PARAMETERS": controller.parameter_type,
-        "complete": user_code.completion(sensors),
+        "gather": user_code.gatherer(sensors),
     }
     return _kernel_of(controller, user_code.run_group, functions, values), _OF_GROUP
 
@@ -117,7 +116,7 @@ def controller_root(controller: Controller, sensors: tuple[Sensor, ...] = ()) ->
 def sensor_root(sensor: Sensor) -> Root:
     """Return the function (block, addresses, sense) that reads a sensor for a group, as `OwnSensor` does."""
     values = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
-    return _kernel_of(sensor, user_code.run_sensor, {"sense": sensor.sense}, values), _OF_GROUP
+    return _kernel_of(sensor, run_sensor, {"sense": sensor.sense}, values), _OF_GROUP
 
 
 def curve_root(response: ResponseSection) -> Root:

@@ -16,9 +16,10 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import EPUCK_WHEELS, Wheels
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.control.names import unknown_name
+from epuck_sim.embodied.own_sensors import assign_sense, readings_of, sensed_bytes
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import make_block, open_block
-from epuck_sim.embodied.user_code import GroupControllers, assign_bytes, assign_sense, bytes_needed, readings_of
+from epuck_sim.embodied.user_code import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import whole
@@ -145,7 +146,7 @@ class TestRobot:
         told = [name for sensor in own for name in sensor.readings.names or ()]
         if twice := next((name for name in told if told.count(name) > 1), None):
             raise ValueError(f"two of the sensors have the reading {twice!r}; give one of them")
-        needed, sensed = bytes_needed(found, 1), sum(bytes_needed(sensor, 1) for sensor in own)
+        needed, sensed = bytes_needed(found, 1), sum(sensed_bytes(sensor, 1) for sensor in own)
         lengths = {"robots": 1, "groups": 1, "pixels": whole("pixels", pixels), "senses": len(own)}
         block = make_block({**lengths, "bytes": needed, "sensed": sensed})
         swarm, byte = open_block(block), 0

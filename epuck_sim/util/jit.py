@@ -26,7 +26,7 @@ SHARED = ("util", "control")
 
 VALUE_FILES = (
     *("arena.py", "elementary.py", "epuck.py", "faults.py"),
-    *("util/native.py", "control/interface.py", "embodied/swarm.py"),
+    *("util/native.py", "control/interface.py", "embodied/own_sensors.py", "embodied/swarm.py"),
 )
 """Files outside of rooms, or without kernels, on whose functions, constants, types or options compiled code depends."""
 
