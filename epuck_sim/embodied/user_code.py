@@ -363,6 +363,7 @@ def gatherer(sensors: tuple[Sensor, ...]) -> Any:
     """
     names = *Sensors._fields, *names_of_readings(sensors)
     known: dict[str, Any] = {
+        "__name__": __name__,
         "array_at": array_at,
         "Sensors": cast(Any, namedtuple)("Sensors", names) if sensors else Sensors,
         **{f"TYPE_{number}": sensor.readings for number, sensor in enumerate(sensors)},

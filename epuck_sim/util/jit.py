@@ -1,8 +1,7 @@
 """Compilation with numba, cached on disk in such a way that no edit can leave stale code behind.
 
-numba alone compares only the file of the function that it caches. Here each set of sources has a cache folder of its
-own, named after their contents. numba is loaded when the first function is compiled or called: a process that only
-reads users' files, which import kernels, does not load it.
+Each set of sources has a cache folder of its own, named after their contents. numba is loaded when the first function
+is compiled or called: a process that only reads users' files, which import kernels, does not load it.
 """
 
 import hashlib
@@ -66,7 +65,7 @@ def digest_of_room(function: Any) -> str:
 def open_cache(contents_digest: str) -> Path:
     """Return the cache folder of these contents, marked as used now; unused ones are removed when a new one is made."""
     folder = cache_root() / contents_digest
-    with suppress(OSError):  # numba copes with a folder that it cannot use
+    with suppress(OSError):  # what cannot be kept is said when it is written
         try:
             os.utime(folder)
         except FileNotFoundError:
@@ -77,7 +76,7 @@ def open_cache(contents_digest: str) -> Path:
 
 
 def is_cache(folder: Path) -> bool:
-    """Return whether a folder has a digest as its name and holds nothing but numba's index and data files."""
+    """Return whether a folder has a digest as its name and holds nothing but compiled code, and indices of old ones."""
     if not re.fullmatch("[0-9a-f]{16}", folder.name) or folder.is_symlink() or not folder.is_dir():
         return False
     return all(path.is_dir() or ".nbi" in path.name or ".nbc" in path.name for path in folder.rglob("*"))
