@@ -245,7 +245,6 @@ def track(
     from epuck_sim.cli.progress import progress_bar
     from epuck_sim.cli.tables import print_track
     from epuck_sim.overhead.calibration import TrackOptions
-    from epuck_sim.overhead.live import Watching, track_camera
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import look_again, track_film
 
@@ -274,6 +273,8 @@ def track(
     inputs = {} if film is None else {"the film": film}
     options.check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
     if camera is not None and period_s is not None:
+        from epuck_sim.overhead.live import Watching, track_camera
+
         watching = Watching(record, rings, annotate, (port or options.WEB_PORT) if web else None)
         tracked = track_camera(camera, scene, watching, progress_bar("tracking"), print_stderr)
     else:

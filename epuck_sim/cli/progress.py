@@ -207,9 +207,9 @@ class SweepProgressBar(_ProgressLine):
 
 
 def progress_bar(doing: str) -> "ProgressWrapper":
-    """Return a wrapper of frames, or of rows with a time, that shows their progress on a terminal's stderr."""
+    """Return a wrapper of frames, or of times, that shows their progress on a terminal's stderr."""
     return lambda timed, duration_s: _passed(
-        timed, doing, "{task.completed:.0f} s of film", duration_s, lambda row: row[0]
+        timed, doing, "{task.completed:.0f} s of film", duration_s, lambda each: getattr(each, "time_s", each)
     )
 
 

@@ -157,7 +157,8 @@ def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
             break
         if time_s >= options.start_s:
             chosen += 1
-            yield Frame(time_s, frame.picture)
+            frame.time_s = time_s
+            yield frame
     if time_s < options.start_s:
         raise FilmError(f"--start-s is {options.start_s:g}, but the film ends at {time_s:.1f} s; allowed: less")
     if chosen < 2 and time_s > options.end_s:
@@ -215,7 +216,7 @@ def _after_light(frames: Iterator[Frame], most_lit_s: float) -> Iterator[Frame]:
     begin_s: float | None = None
     for frame in frames:
         begin_s = frame.time_s if begin_s is None else begin_s
-        if frame.time_s - begin_s >= most_lit_s or not is_lit(frame.picture):
+        if frame.time_s - begin_s >= most_lit_s or not is_lit(frame):
             yield frame
             yield from frames
 
@@ -224,7 +225,7 @@ def _lit_corners(frames: Iterator[Frame]) -> tuple[FloatArray | None, Iterator[F
     """Return the floor's corners in a lit beginning, if there is one, and the frames after it."""
     before: FloatArray | None = None
     for frame in islice(frames, LIT_FRAMES):
-        if not is_lit(frame.picture):
+        if not is_lit(frame):
             return None, chain([frame], frames)
         corners = find_corners(frame.picture)
         if corners is not None and before is not None and np.abs(corners - before).max() <= AGREE_PX:
@@ -256,8 +257,8 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
     survey, first = _Survey(), background.levels
     last_s, last_lit_px, since = -math.inf, 0, 0
     for frame in frames:
-        if first is None and not is_lit(frame.picture):
-            first, _ = ring_light(frame.picture)
+        if first is None and not is_lit(frame):
+            first, _ = ring_light(frame)
             background.levels = first
         since += bool(survey.found)
         light, room_is_lit = background.light_beyond(frame)

@@ -8,7 +8,7 @@ Pixels: (column, row), measured from the middle of the upper left pixel, as in O
 
 import hashlib
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import compress, pairwise
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -28,17 +28,31 @@ Picture = npt.NDArray[np.uint8]  # (height_px, width_px, 3) red, green, blue; ro
 Light = npt.NDArray[np.uint8]  # (rows, columns) one channel of a picture or of the rectified view
 
 
-class Frame(NamedTuple):
-    """One picture of a film."""
+class Frame:
+    """One picture of a film, given as a whole or by its three colours; each is made from the other when needed."""
 
-    time_s: float  # beginning of its exposure, on the film's own clock
-    picture: Picture
+    def __init__(self, time_s: float, picture: Picture | None = None, colours: Sequence[Light] = ()) -> None:
+        self.time_s = time_s  # beginning of its exposure, on the film's own clock
+        self._picture, self._colours = picture, colours
+
+    @property
+    def picture(self) -> Picture:
+        """(height_px, width_px, 3) red, green and blue of each pixel."""
+        if self._picture is None:
+            self._picture = np.asarray(cv2.merge(self._colours), np.uint8)
+        return self._picture
+
+    @property
+    def colours(self) -> Sequence[Light]:
+        """Red, green and blue, (height_px, width_px) each."""
+        self._colours = self._colours or [np.asarray(colour, np.uint8) for colour in cv2.split(self.picture)]
+        return self._colours
 
 
 ProgressWrapper = Callable[[Iterable[Any], float | None], Iterable[Any]]
-"""Function that passes on tuples, each of which begins with a time in s, and shows the progress.
+"""Function that passes on frames, or times in s, and shows the progress.
 
-Its second argument is the time of the last tuple; None if it is unknown."""
+Its second argument is the last time; None if it is unknown."""
 
 REFERENCE_HEIGHT_CM = 110.0  # height of the camera above the floor in the thesis's experiments (4.3.1)
 REFERENCE_SIDE_CM = 60.0  # side of the arena in the thesis's experiments (4.3.1)
@@ -123,6 +137,13 @@ class CameraModel(NamedTuple):
         rays = np.column_stack([straight, np.ones(len(straight))]) @ self.rotation
         distance = (z_cm - self.position_cm[2]) / rays[:, 2]
         return np.asarray(self.position_cm[:2] + distance[:, None] * rays[:, :2])
+
+    def reduced(self, times: int) -> "CameraModel":
+        """Return the camera of pictures whose pixels are the means of squares of `times` by `times` pixels."""
+        column, row = ((place + 0.5) / times - 0.5 for place in self.lens.middle_px)
+        focals_px = self.lens.focal_px / times, self.lens.focal_down_px / times
+        lens = Lens(*focals_px, (column, row), self.lens.coefficients, self.lens.is_fisheye)
+        return self._replace(width_px=self.width_px // times, height_px=self.height_px // times, lens=lens)
 
     def plane_map(self, z_cm: float) -> Float32Array:
         """Return (height_px, width_px, 2) cm: the point `z_cm` above the floor that each pixel shows."""

@@ -7,7 +7,7 @@ frames; the spread of a histogram in seconds needs the true times.
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from fractions import Fraction
 from itertools import chain
@@ -24,7 +24,7 @@ from av.video.reformatter import ColorRange, Colorspace, VideoReformatter
 from av.video.stream import VideoStream
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import Frame
+from epuck_sim.overhead.camera import Frame, Light
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path
 
 EARLY_S = 1.0  # least time that a film must lack at its declared end to count as cut off; sound may outlast pictures
@@ -33,6 +33,7 @@ UNSTAMPED_RATE = 25  # frame rate where neither time stamps nor the file give on
 RESTART_S = 1.0  # a time stamp further back than this shows a clock that restarted, not a frame out of order
 LONGEST_GAP_S = 86_400.0  # a longer gap between time stamps shows a clock that was reset: no camera pauses for a day
 
+WHOLE_PX = 16  # divisor of the widths that FFmpeg converts to separate colours as a whole, without errors at the right
 TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # FFmpeg's, which show text files as films of a terminal
 ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
 """Options to open films whose metadata are not UTF-8; PyAV needs none from version 19 on."""
@@ -135,9 +136,8 @@ class Film:
             ticks, unit_s = picture.dts if has_no_stamps else picture.pts, picture.time_base
             time_s = self._clock.time_s(None if ticks is None or unit_s is None else ticks * unit_s)
             if time_s is not None:
-                pixels = reformatter.reformat(picture, format="rgb24", threads=1).to_ndarray()
-                turned = np.rot90(pixels, round(first.rotation / 90))  # as players show it
-                yield Frame(time_s, np.ascontiguousarray(turned, np.uint8))
+                turned = (np.rot90(colour, round(first.rotation / 90)) for colour in _colours(picture, reformatter))
+                yield Frame(time_s, colours=[np.ascontiguousarray(colour) for colour in turned])  # as players show it
             lasted_s = float(picture.duration * unit_s) if picture.duration and unit_s else 0.0
         usual_s = self._clock.average_s
         read_s = self._clock.last_s + max(lasted_s, usual_s)
@@ -196,6 +196,17 @@ class FilmClock:
             f"frames without a time stamp, {placed}": self._missing,
         }
         return [f"{defect}: {number}" for defect, number in defects.items() if number]
+
+
+def _colours(picture: VideoFrame, reformatter: VideoReformatter) -> Iterable[Light]:
+    """Return red, green and blue, which come apart in half the time that they take pixel by pixel."""
+    if picture.width % WHOLE_PX:
+        return np.moveaxis(reformatter.reformat(picture, format="rgb24", threads=1).to_ndarray(), -1, 0)
+    planes = [memoryview(plane) for plane in reformatter.reformat(picture, format="gbrp", threads=1).planes]
+    green, blue, red = (
+        np.frombuffer(plane, np.uint8).reshape(picture.height, -1)[:, : picture.width] for plane in planes
+    )
+    return red, green, blue
 
 
 def _file_for_ffmpeg(path: str) -> tuple[str, dict[str, str]]:

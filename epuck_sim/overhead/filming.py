@@ -127,9 +127,10 @@ def film_recording(
     begin_s, arenas = zip(*recorded.arenas, strict=True)
     orders = [None, *recorded.firing_order.tolist()]
     cycles = np.searchsorted(recorded.firing_s, recorded.time_s, side="right")
-    moments = zip(recorded.time_s, cycles, poses, recorded.ring_on, recorded.movables, strict=True)
+    times_s = progress(recorded.time_s, float(recorded.time_s.max(initial=0)))
+    moments = zip(times_s, cycles, poses, recorded.ring_on, recorded.movables, strict=True)
     with _film(path, scenario, recorded.seed, lens) as observe:
-        for time_s, cycle, *robots in progress(moments, float(recorded.time_s.max(initial=0))):
+        for time_s, cycle, *robots in moments:
             arena = arenas[bisect_right(begin_s, time_s) - 1]
             observe(int(cycle), orders[cycle], float(time_s), *robots, arena)
 
@@ -350,4 +351,4 @@ class Captions:
             colour = (0, 0, 0) if x or y else (255, 255, 255)
             scale = letter_px / CAPITAL_PX
             cv2.putText(picture, text, (left + x, base + y), cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
-        return frame._replace(picture=picture)
+        return Frame(frame.time_s, picture)

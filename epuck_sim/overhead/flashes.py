@@ -11,17 +11,17 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.camera import Frame, Geometry, Light
-from epuck_sim.overhead.rings import LEAST_LIGHT, LIT_LEVEL, Background, Ring, RingFinder
+from epuck_sim.overhead.rings import LEAST_LIGHT, LIT_LEVEL, Background, Ring, RingFinder, reduced
 
 REACH_CM = 2.5  # largest distance of a ring from its place in the frame before, at high frame rates
 FASTEST_CM_S = 1.05 * epuck.WHEEL_LIMIT_CM_S  # highest speed of a ring, which gives this distance at low frame rates
 MOST_REACH_CM = 1.6 * epuck.RADIUS_CM  # distance beyond which it is another ring: robots that touch are 2 radii apart
+ENOUGH_PX_PER_CM = 6.0  # pixels per cm at rings, by which they are located; larger pictures are reduced: that is faster
 MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
 
 # lit areas
-SMOOTH_PX = 3  # side of the square over which noise is averaged
 SAMPLED = 4  # distance of the pixels of a row, or of a column, whose median is its usual light
-SAMPLED_LINES = 240  # approximate number of rows, or columns, in which lit pixels are counted
+SAMPLED_LINES = 120  # approximate number of rows, or columns, in which lit pixels are counted
 _COS, _SIN = (function(np.linspace(0, 2 * np.pi, 8, endpoint=False)) for function in (np.cos, np.sin))
 
 
@@ -182,7 +182,7 @@ class LightMeter:
         if geometry.knows_floor:
             floor[:] = 0
             cv2.fillPoly(floor, [np.round(geometry.floor_outline_px()).astype(np.int32)], (1,))
-        self._floor = floor[:: self._step, :: self._step] > 0
+        self._floor = reduced(floor, self._step) > 0
 
     def lit_px(self, levels: Light, background: Light | None = None, usual: float = 0.0) -> int:
         """Return about how many of (height_px, width_px) levels are lit on the floor, or anywhere if it is not known.
@@ -193,32 +193,33 @@ class LightMeter:
         """
         if cv2.minMaxLoc(levels)[1] < LEAST_LIGHT:
             return 0
-        light = np.asarray(cv2.blur(levels, (SMOOTH_PX, SMOOTH_PX)), np.uint8)[:: self._step, :: self._step]
+        is_small = self._step == 1  # or else noise is averaged anyhow
+        light = np.asarray(cv2.blur(levels, (3, 3)), np.uint8) if is_small else reduced(levels, self._step)
         beyond = _beyond_usual(light, self._floor)
         beyond = _beyond_usual(beyond.T, self._floor.T).T
         is_light = (beyond >= LEAST_LIGHT) & self._floor
         if background is not None:
-            is_light &= beyond + usual >= background[:: self._step, :: self._step]
+            is_light &= beyond + usual >= reduced(background, self._step)
         return self._step**2 * int(np.count_nonzero(is_light))
 
     def share(self, levels: Light, least: float) -> float:
         """Return the share of the floor, or of the picture if it is not known, that has the level `least` or more."""
-        bright = levels[:: self._step, :: self._step] >= least
-        return float(np.mean(bright[self._floor]))
+        return float(np.mean(reduced(levels, self._step)[self._floor] >= least))
 
 
 def _beyond_usual(light: Light, floor: BoolArray) -> Light:
     """Return (rows, columns) the light beyond the median of the floor in its row."""
-    sampled = floor[:, ::SAMPLED]
-    ascending = np.sort(np.where(sampled, light[:, ::SAMPLED], 255), axis=1, kind="stable")  # by radix
-    usual = ascending[np.arange(len(light)), np.count_nonzero(sampled, axis=1) // 2]
-    return np.asarray(np.maximum(light, usual[:, None]) - usual[:, None], np.uint8)
+    beside = ~floor[:, ::SAMPLED]
+    ascending = np.sort(light[:, ::SAMPLED] | -beside.view(np.uint8), axis=1, kind="stable")  # by radix; 255 beside it
+    middle = (beside.shape[1] - np.count_nonzero(beside, axis=1)) // 2
+    usual = np.take_along_axis(ascending, middle[:, None], axis=1)
+    return np.asarray(np.maximum(light, usual) - usual, np.uint8)
 
 
-def light_on_circle(background: Light, ring: Ring) -> float:
-    """Return the mean level on the circle of a ring."""
-    columns = np.clip(np.rint(ring.x_px + ring.radius_px * _COS), 0, background.shape[1] - 1).astype(int)
-    rows = np.clip(np.rint(ring.y_px + ring.radius_px * _SIN), 0, background.shape[0] - 1).astype(int)
+def light_on_circle(background: Light, ring: Ring, times: int) -> float:
+    """Return the mean level, in a picture that is `reduced` so many times, on the circle of a ring."""
+    shown = np.array([ring.x_px + ring.radius_px * _COS, ring.y_px + ring.radius_px * _SIN])
+    columns, rows = np.rint((shown + 0.5) / times - 0.5).astype(int).clip(0, np.array(background.shape)[::-1, None] - 1)
     return float(background[rows, columns].mean())
 
 
@@ -232,9 +233,12 @@ class RingCounter:
 
     def __init__(self, geometry: Geometry) -> None:
         self._geometry = geometry
-        self._finder = RingFinder(geometry.camera, geometry.ring_light, sees_discs=geometry.knows_floor)
-        self._background = Background(geometry.background)
-        self._meter = LightMeter(geometry)
+        camera = geometry.camera
+        px_per_cm = camera.lens.focal_px / (camera.position_cm[2] - epuck.RING_HEIGHT_CM)
+        self._reduced_by = times = max(math.floor(px_per_cm / ENOUGH_PX_PER_CM), 1)
+        self._finder = RingFinder(camera, geometry.ring_light, sees_discs=geometry.knows_floor, times=times)
+        self._background = Background(geometry.background, times)
+        self._meter = LightMeter(geometry._replace(camera=camera.reduced(times)))
         self._was_lit, self._has_begun = True, False
         self._rings: list[list[Ring]] = []
         self._begin(0.0)
@@ -245,7 +249,7 @@ class RingCounter:
         background, usual = None if lit else self._background.levels, self._background.usual()
         seen = self._finder.find(light, room_is_lit=lit)
         if background is not None:  # a lamp that flickers may have the shape of a ring
-            seen = [ring for ring in seen if ring.light + usual >= light_on_circle(background, ring)]
+            seen = [ring for ring in seen if ring.light + usual >= light_on_circle(background, ring, self._reduced_by)]
         rings = self._on_floor(seen)
         if not self._rings or (self._was_lit and not lit and not self._has_begun):
             self._begin(frame.time_s)

@@ -11,7 +11,6 @@ from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.geometry import contains, is_convex, polygon_area
 from epuck_sim.overhead.camera import Picture
-from epuck_sim.overhead.rings import is_lit
 
 # corners that are given
 MIN_SIDE = 0.1  # least side of the floor, relative to the picture's shorter one; rings are not located on less
@@ -77,8 +76,6 @@ def find_corners(picture: Picture) -> FloatArray | None:
     hang off-centre. Its outline gives four lines; across each, the edge is located to a fraction of a pixel at many
     places. A parabola is fitted to each side, because distortion bows it; the tangents at its ends meet in the corners.
     """
-    if not is_lit(picture):
-        return None
     grey = np.asarray(cv2.GaussianBlur(picture, (0, 0), 1.0).mean(axis=2, dtype=np.float32), np.float32)
     if (shade := _relative_shade(grey)) is None or (corners := _outline_corners(shade)) is None:
         return None

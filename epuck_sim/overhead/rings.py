@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
-from epuck_sim.overhead.camera import CameraModel, Frame, Light, Picture
+from epuck_sim.overhead.camera import CameraModel, Frame, Light
 
 # the light
 LIT_LEVEL = 40  # least median level of a picture's darkest colour in a lit room: haze of rings is coloured
@@ -85,34 +85,41 @@ _ROWS = np.arange(BINS)
 _FROM_LED_TO_LED = np.ones((LED_BINS, 1), np.uint8)
 
 
-def is_lit(picture: Picture) -> bool:
+def is_lit(frame: Frame) -> bool:
     """Return whether the room's lights are on, judged by the picture's middle; the table around may be black."""
-    rows, columns, _ = picture.shape
+    rows, columns = frame.colours[0].shape
     step = max(min(rows, columns) // LIT_SAMPLES, 1)
-    middle = picture[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step]
-    red, green, blue = np.moveaxis(middle, -1, 0)
-    return median(np.minimum(np.minimum(red, green), blue)) >= LIT_LEVEL
+    middle = np.s_[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step]
+    return median(np.minimum.reduce([colour[middle] for colour in frame.colours])) >= LIT_LEVEL
 
 
 def median(levels: npt.NDArray[np.uint8]) -> float:
-    """Return the median of some levels, several times as fast as NumPy's function."""
-    below, above = (levels.size - 1) // 2, levels.size // 2
-    ordered = np.partition(levels, (below, above), axis=None)
-    return (float(ordered[below]) + float(ordered[above])) / 2
+    """Return the median of some levels, several times as fast as NumPy's function: bytes are sorted by radix."""
+    ordered = np.sort(levels, axis=None, kind="stable")
+    return (float(ordered[(levels.size - 1) // 2]) + float(ordered[levels.size // 2])) / 2
 
 
-def ring_light(picture: Picture, room: list[Light] | None = None) -> tuple[Light, bool]:
-    """Return the light of rings in a picture, and whether the room is lit; `room` is a buffer for its three colours.
+def ring_light(frame: Frame, times: int = 1) -> tuple[Light, bool]:
+    """Return the light of rings in a picture, `reduced` so many times, and whether the room is lit.
 
     The light is the mean of the colours: a ring that burns out in one still has its shape in the others. In a lit room
     it is their difference: grey things are no rings.
     """
-    red, green, blue = cv2.split(picture, room)
-    if is_lit(picture):
+    red, green, blue = (reduced(colour, times) for colour in frame.colours)
+    if is_lit(frame):
         most, least = (combine(combine(red, green), blue) for combine in (cv2.max, cv2.min))
         return np.asarray(cv2.subtract(most, least), np.uint8), True
-    mean = cv2.addWeighted(cv2.addWeighted(red, 1 / 2, green, 1 / 2, 0, red), 2 / 3, blue, 1 / 3, 0)
+    mean = cv2.addWeighted(cv2.addWeighted(red, 1 / 2, green, 1 / 2, 0), 2 / 3, blue, 1 / 3, 0)
     return np.asarray(mean, np.uint8), False
+
+
+def reduced(levels: Light, times: int) -> Light:
+    """Return the means of levels in squares of `times` by `times` pixels; pixels that fill no square are left out."""
+    if times == 1:
+        return levels
+    rows, columns = (side // times for side in levels.shape)
+    whole = levels[: rows * times, : columns * times]
+    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 class Background:
@@ -121,16 +128,15 @@ class Background:
     Light that goes off leaves the background at once; light that goes on joins it within half a minute.
     """
 
-    def __init__(self, levels: Light | None = None) -> None:
-        self.levels = levels
+    def __init__(self, levels: Light | None = None, times: int = 1) -> None:
+        """Begin with some levels, if they are known; times: how many pixels across and down are joined to one."""
+        self._times = times
+        self.levels = None if levels is None else reduced(levels, times)
         self._rise = self._last_s = 0.0
-        self._room: list[Light] | None = None  # buffer for a picture's colours, which is slow to allocate
 
     def light_beyond(self, frame: Frame) -> tuple[Light, bool]:
         """Learn from the next frame; return the light of its rings without background, and whether the room is lit."""
-        if self._room is None:
-            self._room = [np.empty(frame.picture.shape[:2], np.uint8) for _ in range(3)]
-        light, room_is_lit = ring_light(frame.picture, self._room)
+        light, room_is_lit = ring_light(frame, self._times)
         if room_is_lit:
             return light, True
         levels = np.zeros_like(light) if self.levels is None else self.levels
@@ -140,7 +146,7 @@ class Background:
         self._rise -= whole
         raised = cv2.convertScaleAbs(levels, beta=whole) if whole else levels
         self.levels = np.asarray(cv2.min(raised, light), np.uint8)
-        return np.asarray(cv2.subtract(light, self.levels, light), np.uint8), False
+        return np.asarray(cv2.subtract(light, self.levels), np.uint8), False
 
     def usual(self) -> float:
         """Return its median level, which is near the even light of a room; 0 if there is no background yet."""
@@ -187,15 +193,18 @@ class Fit(NamedTuple):
 class RingFinder:
     """Finds rings in the pictures of one camera."""
 
-    def __init__(self, camera: CameraModel, usual_light: float = 0.0, *, sees_discs: bool = False) -> None:
+    def __init__(
+        self, camera: CameraModel, usual_light: float = 0.0, *, sees_discs: bool = False, times: int = 1
+    ) -> None:
         """Prepare what all pictures share; usual_light: levels by which dark rings exceed their inside, if known.
 
-        If `sees_discs`, discs of saturated light are rings, too; the scale must be known.
+        If `sees_discs`, discs of saturated light are rings, too; the scale must be known. Rings are searched in light
+        that is `reduced` so many times.
         """
         self.camera = camera
         self._sees_discs = sees_discs
         self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
-        self.view = RectifiedView(camera)
+        self.view = RectifiedView(camera.reduced(times))
 
     def find(self, levels: Light, *, room_is_lit: bool = False) -> list[Ring]:
         """Return the lit rings in the light of a picture, see `ring_light`, from left to right."""

@@ -74,7 +74,7 @@ class TagReader:
 
     def read(self, frame: Frame) -> None:
         """Read and keep the tags in the next frame."""
-        red, green, blue = cv2.split(frame.picture)  # in their minimum, lit rings are dim
+        red, green, blue = frame.colours  # in their minimum, lit rings are dim
         least = np.asarray(cv2.min(cv2.min(red, green), blue), np.uint8)
         paper = float(np.quantile(least[::SAMPLED_PX, ::SAMPLED_PX], PAPER_SHARE))
         bright = cv2.convertScaleAbs(least, alpha=min(max(BRIGHT / max(paper, 1.0), 1.0), MAX_GAIN))

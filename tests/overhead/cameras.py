@@ -70,7 +70,7 @@ def picture_of(
 
 
 def rings_in(picture: Picture, **settings: Any) -> list[Ring]:
-    levels, room_is_lit = ring_light(picture)
+    levels, room_is_lit = ring_light(Frame(0.0, picture))
     return empty_arena(**settings)[0].find(levels, room_is_lit=room_is_lit)
 
 

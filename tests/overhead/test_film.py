@@ -93,13 +93,21 @@ def test_numbered_pictures_and_addresses_and_names_that_look_like_some(tmp_path,
     for number in range(7):
         cv2.imwrite(str(folder / f"frame_{9 + number:03}.png"), numbered_picture(number, 61, 43)[..., ::-1])
     with open_film(str(folder / "frame_%03d.png")) as film:
-        for number, (time_s, picture) in enumerate(film.frames()):
-            assert time_s == pytest.approx(number / 25)
-            np.testing.assert_array_equal(picture, numbered_picture(number, 61, 43))
+        for number, frame in enumerate(film.frames()):
+            assert frame.time_s == pytest.approx(number / 25)
+            np.testing.assert_array_equal(frame.picture, numbered_picture(number, 61, 43))
     assert (number, film.is_pictures, film.rate, film.warnings) == (6, True, 25, [])
     path = write_film(tmp_path / "take:2 100%.mp4", UNEVEN)
     monkeypatch.chdir(tmp_path)
     assert read(path) == read("take:2 100%.mp4") == read(f"file://{path}")
+
+
+@pytest.mark.parametrize("width_px", [64, 66, 72])
+def test_pixels_have_the_colours_that_ffmpeg_gives_them(tmp_path, width_px: int) -> None:
+    path = write_film(tmp_path / "film.mkv", range(8), kit.MKV_OF_JPEG, size=(width_px, 48))
+    with av.open(path) as container, open_film(str(path)) as film:
+        for frame, expected in zip(film.frames(), container.decode(video=0), strict=True):
+            np.testing.assert_array_equal(frame.picture, expected.to_ndarray(format="rgb24"))
 
 
 def test_a_clock_that_is_set_or_begins_anew_goes_on(tmp_path):

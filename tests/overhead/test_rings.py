@@ -10,11 +10,11 @@ from scipy import ndimage
 
 from epuck_sim import epuck
 from epuck_sim.overhead import rings as ring_finding
-from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.flashes import LightMeter
+from epuck_sim.overhead.camera import Frame, Geometry
+from epuck_sim.overhead.flashes import LightMeter, RingCounter
 from epuck_sim.overhead.rings import DISC_LIGHT, Background, RectifiedView, RingFinder, fit_ring, is_lit, ring_light
 from tests.overhead import cameras
-from tests.overhead.cameras import APART_CM, CLEAN, camera_of, honeycomb_cell, picture_of, rings_in, scattered
+from tests.overhead.cameras import APART_CM, CLEAN, camera_of, honeycomb_cell, picture_of, rings_in, scattered, shot
 from tests.overhead.films import Score, compare, make_geometry
 
 SMALL = {"width_px": 240, "height_px": 240}
@@ -117,7 +117,7 @@ def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() 
     picture = np.zeros((480, 480, 3), np.uint8)
     for x_px, y_px in camera.project(np.column_stack([places, np.full(4, 4.0)])):
         cv2.circle(picture, (round(x_px), round(y_px)), round(5.0 * 480 / 65), (255, 255, 255), -1)
-    light, _ = ring_light(picture)
+    light, _ = ring_light(Frame(0.0, picture))
     rings = RingFinder(camera, sees_discs=True).find(light)
     found = np.array(sorted((ring.x_cm, ring.y_cm) for ring in rings))
     assert found == pytest.approx(np.array(sorted(map(tuple, places))), abs=0.5)
@@ -127,16 +127,16 @@ def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() 
 
 def test_whether_the_room_is_lit_and_light_is_bright_or_coloured_and_not_counted_outside_of_the_floor():
     wide = {"width_px": 320, "height_px": 180}  # most of it is a dark table
-    assert is_lit(picture_of([], room=True, **wide))
-    assert is_lit(picture_of([], room=True, tilt_deg=20.0, turn_deg=40.0))
-    assert not is_lit(picture_of(cameras.touching(30, np.random.default_rng(0)), **wide))
-    assert not is_lit(np.full((64, 64, 3), 39, np.uint8))
-    assert is_lit(np.full((64, 64, 3), 40, np.uint8))
+    swarm = picture_of(cameras.touching(30, np.random.default_rng(0)), **wide)
+    dark, grey = np.full((64, 64, 3), 39, np.uint8), np.full((64, 64, 3), 40, np.uint8)
+    room, turned = picture_of([], room=True, **wide), picture_of([], room=True, tilt_deg=20.0, turn_deg=40.0)
+    seen = [is_lit(Frame(0.0, picture)) for picture in (room, turned, grey, swarm, dark)]
+    assert seen == [True, True, True, False, False]
     picture = np.array([[(200, 90, 120), (90, 200, 120), (90, 90, 90)]], np.uint8)
     learnt = Background(np.array([[4, 4, 3]], np.uint8))
     for (levels, room_is_lit), expected, is_expected_lit in [
-        (ring_light(picture), [110, 110, 0], True),
-        (ring_light(picture - 80), [57, 57, 10], False),
+        (ring_light(Frame(0.0, picture)), [110, 110, 0], True),
+        (ring_light(Frame(0.0, picture - 80)), [57, 57, 10], False),
         (learnt.light_beyond(Frame(0.0, picture - 80)), [53, 53, 7], False),
         (learnt.light_beyond(Frame(0.5, picture - 80)), [48, 48, 2], False),  # what stays lit becomes background
     ]:
@@ -145,6 +145,18 @@ def test_whether_the_room_is_lit_and_light_is_bright_or_coloured_and_not_counted
     outside[:4, :100] = outside[100:200, -4:] = 200
     assert LightMeter(make_geometry()).lit_px(outside) == 0
     assert LightMeter(make_geometry()._replace(knows_floor=False)).lit_px(outside) > 700
+
+
+def test_large_pictures_are_searched_with_fewer_pixels() -> None:
+    places = np.array([(12.0, 15.0), (30.0, 44.0), (50.0, 20.0)])
+    camera, picture = shot(*((x, y, 0.3) for x, y in places), arena=cameras.EMPTY, width_px=1200, height_px=1000)
+    counter = RingCounter(Geometry(camera, (60.0, 60.0), "somewhere", knows_floor=True))
+    counter.process(Frame(0.0, np.zeros_like(picture)))
+    rings = np.array(counter.process(Frame(0.1, picture)))
+    at_px = camera.project(np.column_stack([places, np.full(3, epuck.RING_HEIGHT_CM)]))
+    assert rings[:, :2] == pytest.approx(places, abs=0.02)
+    assert rings[:, 3:5] == pytest.approx(at_px, abs=0.3)
+    assert counter.counted().areas_px[1] < np.count_nonzero(picture.max(axis=2) > 12) / 3
 
 
 def lamps(level: float, flicker: float, bands: float, turned: bool, spots: int) -> np.ndarray:

@@ -250,8 +250,8 @@ def of_levels(change: Callable[..., np.ndarray]) -> Callable[..., Effect]:
     """Return the same by a function of (rows, columns, 3) levels, which may leave 0 to 255."""
 
     def changed(frames: Iterable[Frame], *strength: Any) -> Iterator[Frame]:
-        for time_s, picture in frames:
-            yield Frame(time_s, whole(change(picture.astype(np.float32), *strength)))
+        for frame in frames:
+            yield Frame(frame.time_s, whole(change(frame.picture.astype(np.float32), *strength)))
 
     return of_frames(changed)
 
@@ -268,16 +268,16 @@ def gain(levels, factor):
 def lamp(frames, radius, is_square=False, at=(0.5, 0.5)):
     """Add a light that always shines, a lamp on the mains or a screen; radius: relative to the picture's height."""
     generator = np.random.default_rng(2)
-    for time_s, picture in frames:
-        rows, columns = picture.shape[:2]
-        light, size = np.zeros(picture.shape, np.float32), round(radius * rows)
+    for frame in frames:
+        rows, columns = frame.picture.shape[:2]
+        light, size = np.zeros(frame.picture.shape, np.float32), round(radius * rows)
         x, y = round(at[0] * columns), round(at[1] * rows)
         if is_square:
             cv2.rectangle(light, (x - size, y - size), (x + size, y + size), (255, 255, 255), -1)
         else:
             cv2.circle(light, (x, y), size, (255, 255, 255), -1)
         added = generator.uniform(0.7, 1.3) * (light + 0.4 * cv2.GaussianBlur(light, (0, 0), 5.0))
-        yield Frame(time_s, whole(picture + added))
+        yield Frame(frame.time_s, whole(frame.picture + added))
 
 
 @of_levels
@@ -294,9 +294,9 @@ def padded(levels, share, skew=0.0):
 def automatic_exposure(frames, depth):
     """Let the exposure fall with the light of the flashes, by up to a factor of 1 + depth."""
     now = 1.0
-    for time_s, picture in frames:
-        yield Frame(time_s, whole(picture.astype(np.float32) * now))
-        lit = min(1.0, float((picture.max(axis=2) > 60).mean()) / 0.06)
+    for frame in frames:
+        yield Frame(frame.time_s, whole(frame.picture.astype(np.float32) * now))
+        lit = min(1.0, float((frame.picture.max(axis=2) > 60).mean()) / 0.06)
         now += 0.4 * (1 / (1 + depth * lit) - now)
 
 
@@ -304,10 +304,10 @@ def automatic_exposure(frames, depth):
 def rolling_shutter(frames, share):
     """Expose rows one after the other, over a share of the time between frames."""
     before = None
-    for time_s, picture in frames:
-        rows = 0 if before is None else round(share * len(picture))
-        yield Frame(time_s, picture if before is None else np.vstack([before[:rows], picture[rows:]]))
-        before = picture
+    for frame in frames:
+        rows = 0 if before is None else round(share * len(before))
+        yield frame if before is None else Frame(frame.time_s, np.vstack([before[:rows], frame.picture[rows:]]))
+        before = frame.picture
 
 
 @of_frames
