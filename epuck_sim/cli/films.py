@@ -1,10 +1,9 @@
 """The commands of films: `film`, `calibrate`, `track` and `compare-film`."""
 
-import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
@@ -12,6 +11,9 @@ from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_stderr, reject_first
 from epuck_sim.cli.options import argument, option, output_option
 from epuck_sim.errors import FilmError
+
+if TYPE_CHECKING:
+    from epuck_sim.overhead.calibration import TrackOptions
 
 films = typer.Typer()
 
@@ -70,12 +72,22 @@ def parse_tags(text: str) -> dict[str, Any]:
     return {"tags": name, "tag_numbers": numbers or None}
 
 
-def arena_option(otherwise: str) -> Any:
-    """Return the option of the floor's size; `otherwise` is its default, in words, if the film does not describe it."""
-    said = f"Size of the floor; by default as the film describes it, or {otherwise}."
-    return geometry_option("--arena-cm SIDE|WIDTHxHEIGHT", said, parser=parse_arena)
+def told_of_film(given: Mapping[str, Any]) -> "TrackOptions":
+    """Return what a command's arguments, by their names, tell of a film."""
+    from epuck_sim.overhead.calibration import TrackOptions
+
+    known = {**given, **(given["tags"] or {})}
+    return TrackOptions(**{name: known[name] for name in TrackOptions._fields if known.get(name) is not None})
 
 
+ArenaOption = Annotated[
+    Any,
+    geometry_option(
+        "--arena-cm SIDE|WIDTHxHEIGHT",
+        "Size of the floor; by default as the film describes it, or as in SCENARIO, or 60.",
+        parser=parse_arena,
+    ),
+]
 HeightOption = Annotated[
     float | None,
     geometry_option(
@@ -174,14 +186,14 @@ def track(
     ] = False,
     port: options.PortOption = None,
     record: Annotated[Path | None, camera_option("FILE.mp4", "Save what --camera sees, to track it again.")] = None,
-    start: Annotated[
+    start_s: Annotated[
         float, film_option("--start-s S", "Leave out frames before this time on the film's clock.", min=0)
     ] = 0.0,
-    end: Annotated[
+    end_s: Annotated[
         float | None, film_option("--end-s S", "Leave out frames after this time on the film's clock.", min=0)
     ] = None,
     fps: FpsOption = None,
-    arena_cm: Annotated[Any, arena_option("60")] = None,
+    arena_cm: ArenaOption = None,
     height_cm: HeightOption = None,
     corners_px: CornersOption = None,
     lens: LensOption = None,
@@ -231,10 +243,14 @@ def track(
     ] = None,
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
+    given = locals()
     reject_first(
         ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
-        (end is not None and end <= start, "--end-s is not after --start-s"),
-        (camera is not None and any((start, end, fps, tags)), "--camera excludes --start-s, --end-s, --fps, --tags"),
+        (end_s is not None and end_s <= start_s, "--end-s is not after --start-s"),
+        (
+            camera is not None and any((start_s, end_s, fps, tags)),
+            "--camera excludes --start-s, --end-s, --fps, --tags",
+        ),
         (camera is None and (web or record is not None), "--web and --record are for --camera"),
         (port is not None and not web, "--port is for --web"),
         (
@@ -244,24 +260,10 @@ def track(
     )
     from epuck_sim.cli.progress import progress_bar
     from epuck_sim.cli.tables import print_track
-    from epuck_sim.overhead.calibration import TrackOptions
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import look_again, track_film
 
-    scene = TrackOptions(
-        arena_cm=arena_cm,
-        height_cm=height_cm,
-        corners_px=corners_px,
-        period_s=period_s,
-        robots=robots,
-        threshold_ms=threshold_ms,
-        order_parameter=order_parameter,
-        lens=lens,
-        start_s=start,
-        end_s=math.inf if end is None else end,
-        fps=fps,
-        **(tags or {}),
-    )
+    scene = told_of_film(given)
     tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
     outputs = {
         "--plot": (plot, [".png"]),
@@ -301,7 +303,7 @@ def compare_film(
     settings: options.SetOption = None,
     trials: Annotated[int, option("N", "Number of simulated trials.", min=1, max=10_000)] = 40,
     fps: FpsOption = None,
-    arena_cm: Annotated[Any, arena_option("as in SCENARIO")] = None,
+    arena_cm: ArenaOption = None,
     height_cm: HeightOption = None,
     corners_px: CornersOption = None,
     lens: LensOption = None,
@@ -325,10 +327,11 @@ def compare_film(
 
     Arena, robots and period are as in SCENARIO unless options, or the film's description, tell them.
     """
+    given = locals()
     from epuck_sim.cli.progress import progress_bar, trials_bar
     from epuck_sim.cli.tables import print_comparison
     from epuck_sim.overhead import compare
-    from epuck_sim.overhead.calibration import FilmMetadata, TrackOptions
+    from epuck_sim.overhead.calibration import FilmMetadata
     from epuck_sim.overhead.filming import describe_film
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import track_film
@@ -339,16 +342,7 @@ def compare_film(
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
     loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "a film needs model: embodied")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
-    scene = TrackOptions(
-        arena_cm=arena_cm,
-        height_cm=height_cm,
-        corners_px=corners_px,
-        period_s=period_s,
-        robots=robots,
-        lens=lens,
-        fps=fps,
-        **(tags or {}),
-    )
+    scene = told_of_film(given)
     files = {}
     if plot is not None:
         from epuck_sim.figures.saving import check_files, parse_target

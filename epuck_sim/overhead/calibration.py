@@ -6,7 +6,7 @@ So rings determine the distortion and the tilt; corners determine the place of t
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain, islice
+from itertools import chain, dropwhile, islice
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
@@ -194,7 +194,7 @@ def calibrate(
     background = Background()
     dark = _after_light(frames, most_lit_s)
     rings = measure_rings(dark if corners is None else islice(dark, most_frames), background, most_frames)
-    if corners is None and not rings.number:
+    if corners is None and not len(rings.radius_px):
         raise FilmError(
             f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so "
             "long that rings are discs? If rings are there, give the floor's corners by --corners, which show how "
@@ -213,12 +213,9 @@ def calibrate(
 
 def _after_light(frames: Iterator[Frame], most_lit_s: float) -> Iterator[Frame]:
     """Yield the frames from the first dark one on, or once the room has been lit for `most_lit_s`."""
-    begin_s: float | None = None
-    for frame in frames:
-        begin_s = frame.time_s if begin_s is None else begin_s
-        if frame.time_s - begin_s >= most_lit_s or not is_lit(frame):
-            yield frame
-            yield from frames
+    if (first := next(frames, None)) is not None:
+        until_s = first.time_s + most_lit_s
+        yield from dropwhile(lambda frame: frame.time_s < until_s and is_lit(frame), chain([first], frames))
 
 
 def _lit_corners(frames: Iterator[Frame]) -> tuple[FloatArray | None, Iterator[Frame]]:
@@ -242,11 +239,6 @@ class SeenRings(NamedTuple):
     flattening: FloatArray
     """(n, 2) cosine and sine amplitudes of the radius along twice the angle, relative to the radius."""
     light: float = 0.0  # median levels by which they are brighter than their inside
-
-    @property
-    def number(self) -> int:
-        """Number of rings."""
-        return len(self.radius_px)
 
 
 def measure_rings(frames: Iterable[Frame], background: Background, most_frames: int) -> SeenRings:
@@ -332,7 +324,7 @@ def fit_camera(
     its height. Raises the errors of `check_corners`.
     """
     corners = None if corners_px is None else check_corners(corners_px, *size_px)
-    kinds = (False, True) if lens is None and rings.number >= TELLING_RINGS else (False,)
+    kinds = (False, True) if lens is None and len(rings.radius_px) >= TELLING_RINGS else (False,)
     fits = [_fit(size_px, floor_cm, above_cm, rings, corners, lens, is_fisheye) for is_fisheye in kinds]
     _, found = fits[-1] if fits[-1][0] < FISHEYE_GAIN * fits[0][0] else fits[0]
     return found
@@ -358,9 +350,9 @@ def _unknowns(
         start[5] = math.log(scale * (above_cm - epuck.RING_HEIGHT_CM))
     if lens is not None:  # then the height is fitted instead of the focal length
         start[5] = math.log(lens.focal_px / above_cm) - (start[5] - math.log(above_cm))
-    by_corners, by_rings = corners is not None, rings.number >= TELLING_RINGS
+    by_corners, by_rings = corners is not None, len(rings.radius_px) >= TELLING_RINGS
     told = [by_corners or by_rings] * 2 + [by_corners] * 3 + [True, lens is None and by_rings]
-    return start, np.array([*told, by_corners and rings.number > 0])
+    return start, np.array([*told, by_corners and len(rings.radius_px) > 0])
 
 
 def _fit(
@@ -401,7 +393,7 @@ def _fit(
                 parts.append(values[:2] / TILT_PRIOR)
             else:
                 parts.append((camera.project(floor) - corners).ravel() / CORNER_PX)
-            if rings.number:
+            if len(rings.radius_px):
                 seen = expected_rings(camera, rings.places_px, epuck.RING_RADIUS_CM * math.exp(values[7]))
                 sizes = np.log(np.maximum(seen.radius_px, 1e-3) / rings.radius_px)
                 off = (np.column_stack([sizes, seen.flattening - rings.flattening]) / shape_error).ravel()
@@ -414,7 +406,7 @@ def _fit(
         fit = least_squares(misses, found, args=(shape_error,), **until)
         found = fit.x
     camera, error_cm = camera_of(filled(found)), 0.0
-    if rings.number:  # error of the corners on the floor, from draws of the fitted values
+    if len(rings.radius_px):  # error of the corners on the floor, from draws of the fitted values
         covariance, pixels = np.linalg.pinv(fit.jac.T @ fit.jac), camera.project(floor)
         draws = np.random.default_rng(0).multivariate_normal(found, covariance, 32, method="svd")
         off_cm = [camera_of(filled(draw)).back_project(pixels, 0.0) - floor[:, :2] for draw in draws]

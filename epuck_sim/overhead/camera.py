@@ -29,7 +29,7 @@ Light = npt.NDArray[np.uint8]  # (rows, columns) one channel of a picture or of 
 
 
 class Frame:
-    """One picture of a film, given as a whole or by its three colours; each is made from the other when needed."""
+    """One picture of a film, given as a whole or by its three colours; only what is given is kept in memory."""
 
     def __init__(self, time_s: float, picture: Picture | None = None, colours: Sequence[Light] = ()) -> None:
         self.time_s = time_s  # beginning of its exposure, on the film's own clock
@@ -38,15 +38,12 @@ class Frame:
     @property
     def picture(self) -> Picture:
         """(height_px, width_px, 3) red, green and blue of each pixel."""
-        if self._picture is None:
-            self._picture = np.asarray(cv2.merge(self._colours), np.uint8)
-        return self._picture
+        return np.asarray(cv2.merge(self._colours), np.uint8) if self._picture is None else self._picture
 
     @property
     def colours(self) -> Sequence[Light]:
         """Red, green and blue, (height_px, width_px) each."""
-        self._colours = self._colours or [np.asarray(colour, np.uint8) for colour in cv2.split(self.picture)]
-        return self._colours
+        return self._colours or [np.asarray(colour, np.uint8) for colour in cv2.split(self.picture)]
 
 
 ProgressWrapper = Callable[[Iterable[Any], float | None], Iterable[Any]]

@@ -153,7 +153,8 @@ FARTHEST_TIED = 4.0
 """Largest distance, in standard deviations, of a value from others most of which are the same, as these tell no scale:
 more than nearly all distances of other quantities, less than that of a film that is clearly off."""
 FLASH, CYCLE = "flash duration", "median cycle"  # quantities that a wrong clock changes by the same factor
-LONGER = ("shorter", "longer")  # words for smaller and larger times
+LONGER, HIGHER = ("shorter", "longer"), ("lower", "higher")  # words for smaller and larger times, and other values
+TIME_UNITS = ("cycles", "periods", "ms", "s")
 NEAR_WALL_CM = 5.0  # largest distance of a robot's middle that is near a wall, as in the measure `near_walls`
 SEEN_SHARE = 0.1  # share of an exposure for which a ring must be lit to be seen; our estimate
 
@@ -176,11 +177,6 @@ class QuantityComparison(NamedTuple):
     def unknown(self) -> int:
         """Number of trials whose value is unknown."""
         return int(np.isnan(self.trials).sum())
-
-    @property
-    def ways(self) -> tuple[str, str]:
-        """Words for a smaller and for a larger value."""
-        return ("lower", "higher") if self.unit in ("cm/s", "share") else LONGER
 
     @property
     def percentile(self) -> float:
@@ -245,7 +241,8 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
         return Verdict(p_value, f"{caution}the film is like the simulated trials (p = {p_value:.2g})")
     alone = np.mean(np.abs(distances) >= np.abs(distances[:, :1]), axis=1)  # p-values of each quantity alone
     far = [index for index in np.argsort(-np.abs(distances[:, 0])) if alone[index] <= UNLIKE]
-    named = [f"{rows[index].name} {rows[index].ways[int(distances[index, 0] > 0)]}" for index in far]
+    ways = [LONGER if row.unit in TIME_UNITS else HIGHER for row in rows]
+    named = [f"{rows[index].name} {ways[index][int(distances[index, 0] > 0)]}" for index in far]
     unlike = f"the film is unlike the simulated trials (p = {p_value:.2g}): {', '.join(named)} than theirs"
     if any({f"{FLASH} {way}", f"{CYCLE} {way}"} <= set(named) for way in LONGER):
         unlike += "; if flash and cycle are so by the same factor, check the film's clock (--fps)"
