@@ -1,7 +1,7 @@
 """The commands of films: `film`, `calibrate`, `track` and `compare-film`."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -283,7 +283,8 @@ def track(
         assert film is not None  # otherwise it was refused above
         tracked = track_film(film, scene, rings, progress_bar("tracking"))
     robots_found = find_robots(tracked) if tags is not None or any(tables.values()) else None
-    print_doubts((*tracked.warnings, *(robots_found.warnings if robots_found else ())))
+    for doubt in (*tracked.warnings, *(robots_found.warnings if robots_found else ())):
+        print_stderr(f"warning: {doubt}")
     print_track(tracked, robots_found, as_json=as_json)
     if robots_found is not None:
         robots_found.save(flashes, trace, pairs)
@@ -358,7 +359,8 @@ def compare_film(
     track = track_film(film, scene, None, progress_bar("tracking"), FilmMetadata.of(describe_film(loaded, loaded.seed)))
     found = find_robots(track)
     floor_cm = track.geometry.floor_cm
-    print_doubts((*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings))
+    for doubt in (*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings):
+        print_stderr(f"warning: {doubt}")
     if floor_cm != simulated_cm:
         print_stderr(
             f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
@@ -376,9 +378,3 @@ def compare_film(
         from epuck_sim.figures.films import save_comparison_figure
 
         save_comparison_figure(plot, rows)
-
-
-def print_doubts(doubts: Iterable[str]) -> None:
-    """Print doubts on stderr, as warnings."""
-    for doubt in doubts:
-        print_stderr(f"warning: {doubt}")

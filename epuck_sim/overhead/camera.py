@@ -9,7 +9,7 @@ Pixels: (column, row), measured from the middle of the upper left pixel, as in O
 import hashlib
 import math
 from collections.abc import Callable, Iterable, Sequence
-from itertools import compress, pairwise
+from itertools import compress
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -57,7 +57,6 @@ WALL_HEIGHT_CM = 6.0  # height of the arena's walls; our estimate: they hide a r
 
 LOOKING_DOWN = np.diag([1.0, -1.0, -1.0])  # rotation from the arena's frame into a camera's (x right, y down, z ahead)
 MARGIN = 1.04  # factor by which the default field of view is larger than the floor with its walls
-OUTLINE_POINTS = 16  # points on each side of the floor's outline, which distortion bows
 
 UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-9)
 """Termination criterion (iterations, tolerance) for undistortPoints; OpenCV's default of five iterations is off by
@@ -166,12 +165,6 @@ class Geometry(NamedTuple):
     ring_light: float = 0.0
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
     ring_size: float = 1.0  # radius of the rings by the floor's corners, relative to an e-puck's; NaN if described
-
-    def floor_outline_px(self) -> FloatArray:
-        """Return (n, 2) px: the outline of the floor, in order."""
-        corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)]) * self.floor_cm
-        outline = np.vstack([np.linspace(*ends, OUTLINE_POINTS, False) for ends in pairwise(corners)])
-        return self.camera.project(np.column_stack([outline, np.zeros(len(outline))]))
 
 
 def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float) -> CameraModel:

@@ -3,6 +3,7 @@
 import math
 from array import array
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple, Self
 
 import cv2
@@ -21,6 +22,7 @@ MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
 
 # lit areas
 SAMPLED = 4  # distance of the pixels of a row, or of a column, whose median is its usual light
+OUTLINE_POINTS = 16  # points on each side of the floor's outline, which distortion bows
 SAMPLED_LINES = 120  # approximate number of rows, or columns, in which lit pixels are counted
 _COS, _SIN = (function(np.linspace(0, 2 * np.pi, 8, endpoint=False)) for function in (np.cos, np.sin))
 
@@ -181,7 +183,10 @@ class LightMeter:
         floor = np.ones((camera.height_px, camera.width_px), np.uint8)
         if geometry.knows_floor:
             floor[:] = 0
-            cv2.fillPoly(floor, [np.round(geometry.floor_outline_px()).astype(np.int32)], (1,))
+            corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)]) * geometry.floor_cm
+            sides = [np.linspace(*ends, OUTLINE_POINTS, False) for ends in pairwise(corners)]
+            outline_cm = np.column_stack([np.vstack(sides), np.zeros(4 * OUTLINE_POINTS)])
+            cv2.fillPoly(floor, [np.round(camera.project(outline_cm)).astype(np.int32)], (1,))
         self._floor = reduced(floor, self._step) > 0
 
     def lit_px(self, levels: Light, background: Light | None = None, usual: float = 0.0) -> int:

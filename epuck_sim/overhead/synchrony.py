@@ -25,6 +25,9 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
 ORDER_PARAMETER = 0.95  # order parameter r_sync at which a swarm counts as synchronised (thesis 4.2.1)
+FIRING_SPREAD = math.acos(ORDER_PARAMETER) / math.tau
+"""sigma_A in periods: firings half of which are early by it, and half late, have that order parameter (eq. C.2, whose
+last term must read cos(2 pi sigma_A / tau))."""
 
 MAX_HOLD_INTERVALS = 3.0  # longest time for which a frame stands, in median intervals: bridges one or two dropped ones
 MIN_COVERAGE = 0.95  # least share of a period that is seen: no flash of 0.075 periods (thesis 4.2.1) hides in the rest
@@ -102,17 +105,6 @@ def is_synchronised(evaluation: Evaluation, threshold_s: float) -> bool:
     return is_narrow and evaluation.rings >= MIN_RINGS
 
 
-def firing_spread_s(period_s: float, order_parameter: float = ORDER_PARAMETER) -> float:
-    """Return sigma_A: firings, half of them early by it and half of them late by it, have this order parameter.
-
-    The source is eq. C.2, whose last term must read cos(2 pi sigma_A / tau).
-
-    >>> f"{firing_spread_s(5.0):.3f}"
-    '0.253'
-    """
-    return period_s / (2 * math.pi) * math.acos(order_parameter)
-
-
 def spread_threshold_s(period_s: float, flash_s: float) -> float:
     """Return the bound of eq. C.3: the largest spread of a histogram if all rings are lit within sigma_A of its middle.
 
@@ -127,7 +119,7 @@ def spread_threshold_s(period_s: float, flash_s: float) -> float:
     >>> f"{spread_threshold_s(5.0, 0.375):.3f}"
     '0.126'
     """
-    sigma_s = firing_spread_s(period_s)
+    sigma_s = FIRING_SPREAD * period_s
     return math.hypot(max(sigma_s - flash_s / 2, sigma_s / 4), flash_s / math.sqrt(12))
 
 
