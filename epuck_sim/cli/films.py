@@ -73,7 +73,7 @@ def parse_tags(text: str) -> dict[str, Any]:
 
 
 def told_of_film(given: Mapping[str, Any]) -> "TrackOptions":
-    """Return what a command's arguments, by their names, tell of a film."""
+    """Return the knowledge of a film in a command's arguments, by their names."""
     from epuck_sim.overhead.calibration import TrackOptions
 
     known = {**given, **(given["tags"] or {})}

@@ -12,7 +12,7 @@ heading in rad, radius and height of the body, and of the ring, in cm. `boxes` a
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -111,6 +111,7 @@ class Renderer:
         self._random = np.random.default_rng(seed)
         drawn = self._random.standard_normal(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.float32)
         self._noise: npt.NDArray[np.int16] = np.rint(section.noise_levels * drawn).astype(np.int16)
+        self._dark = np.clip(self._noise, 0, 255).astype(np.uint8)  # pictures without light
 
     def render(self, samples: Sequence[ExposureSample], *, room_is_lit: bool) -> Picture:
         """Return the picture of one exposure, to which all samples contribute equally.
@@ -119,13 +120,13 @@ class Renderer:
         """
         ambient = 1.0 if room_is_lit else self._section.ambient
         if not ambient and not any(sample.ring_on.any() for sample in samples):
-            return np.clip(self._next_noise(), 0, 255).astype(np.uint8)
+            return self._next(self._dark).copy()
         light = self._through_lens(self._rings(samples))
         channels = [levels * light for levels in COLOUR_LEVELS]
         if ambient:
             grey = np.float32(ambient) * self._through_lens(self._scene(samples))
             channels = [grey + channel for channel in channels]
-        noisy = cv2.add(cv2.merge(channels), self._next_noise(), dtype=cv2.CV_8U)  # rounds, and clips to 0..255
+        noisy = cv2.add(cv2.merge(channels), self._next(self._noise), dtype=cv2.CV_8U)  # rounds, and clips to 0..255
         return np.asarray(noisy, np.uint8)
 
     def _robots(self, sample: ExposureSample) -> FloatArray:
@@ -181,14 +182,14 @@ class Renderer:
             image = np.asarray(blurred, np.float32)
         return self._dimming * image
 
-    def _next_noise(self) -> npt.NDArray[np.int16]:
-        """Return (rows, columns, 3) levels: the noise table from a random place on.
+    def _next(self, table: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return (rows, columns, 3) levels: a noise table from a random place on.
 
         Drawing new numbers for each picture would take longer than all the rest.
         """
         rows, columns = self._room.shape
         first = self._random.integers(NOISE_OFFSETS)
-        return self._noise[first : first + rows * columns * 3].reshape(rows, columns, 3)
+        return table[first : first + rows * columns * 3].reshape(rows, columns, 3)
 
 
 class ArenaView:
