@@ -1,9 +1,9 @@
 """The commands of films: `film`, `calibrate`, `track` and `compare-film`."""
 
+import math
 import re
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import Annotated, Any, get_args
 
 import typer
 
@@ -11,9 +11,6 @@ from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_stderr, reject_first
 from epuck_sim.cli.options import argument, option, output_option
 from epuck_sim.errors import FilmError
-
-if TYPE_CHECKING:
-    from epuck_sim.overhead.calibration import TrackOptions
 
 films = typer.Typer()
 
@@ -70,14 +67,6 @@ def parse_tags(text: str) -> dict[str, Any]:
         raise FilmError(f"--tags is {text}; allowed: numbers from 0 to {count - 1}, and ranges that rise, as in 0-9")
     numbers = frozenset(number for span in spans for number in range(span[0], span[-1] + 1))
     return {"tags": name, "tag_numbers": numbers or None}
-
-
-def told_of_film(given: Mapping[str, Any]) -> "TrackOptions":
-    """Return the knowledge of a film in a command's arguments, by their names."""
-    from epuck_sim.overhead.calibration import TrackOptions
-
-    known = {**given, **(given["tags"] or {})}
-    return TrackOptions(**{name: known[name] for name in TrackOptions._fields if known.get(name) is not None})
 
 
 ArenaOption = Annotated[
@@ -243,7 +232,6 @@ def track(
     ] = None,
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
-    given = locals()
     reject_first(
         ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
         (end_s is not None and end_s <= start_s, "--end-s is not after --start-s"),
@@ -260,10 +248,24 @@ def track(
     )
     from epuck_sim.cli.progress import progress_bar
     from epuck_sim.cli.tables import print_track
+    from epuck_sim.overhead.calibration import TrackOptions
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import look_again, track_film
 
-    scene = told_of_film(given)
+    scene = TrackOptions(
+        arena_cm=arena_cm,
+        height_cm=height_cm,
+        corners_px=corners_px,
+        period_s=period_s,
+        robots=robots,
+        threshold_ms=threshold_ms,
+        order_parameter=order_parameter,
+        lens=lens,
+        start_s=start_s,
+        end_s=math.inf if end_s is None else end_s,
+        fps=fps,
+        **(tags or {}),
+    )
     tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
     outputs = {
         "--plot": (plot, [".png"]),
@@ -328,11 +330,10 @@ def compare_film(
 
     Arena, robots and period are as in SCENARIO unless options, or the film's description, tell them.
     """
-    given = locals()
     from epuck_sim.cli.progress import progress_bar, trials_bar
     from epuck_sim.cli.tables import print_comparison
     from epuck_sim.overhead import compare
-    from epuck_sim.overhead.calibration import FilmMetadata
+    from epuck_sim.overhead.calibration import FilmMetadata, TrackOptions
     from epuck_sim.overhead.filming import describe_film
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import track_film
@@ -343,7 +344,16 @@ def compare_film(
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
     loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "a film needs model: embodied")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
-    scene = told_of_film(given)
+    scene = TrackOptions(
+        arena_cm=arena_cm,
+        height_cm=height_cm,
+        corners_px=corners_px,
+        period_s=period_s,
+        robots=robots,
+        lens=lens,
+        fps=fps,
+        **(tags or {}),
+    )
     files = {}
     if plot is not None:
         from epuck_sim.figures.saving import check_files, parse_target
