@@ -9,6 +9,7 @@ import sqlite3
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -48,7 +49,7 @@ class PointTrials(NamedTuple):
     """(trials,) value of the requested measure, or the seconds, of each trial; empty if none was requested."""
     of: str | None = None  # name of the requested measure, or `t_sync_s`; None if none was requested
     events: tuple[tuple[TrialEvent, ...], ...] = ()
-    """(trials,) what changed in each trial: entries of the schedule, and faults; empty if nothing did in the folder."""
+    """(trials,) what changed in each trial: entries of the schedule, and faults."""
     has_t_sync: bool = True
     """Whether trials have a T_sync: their reference is an oscillator, and the order parameter has a threshold."""
 
@@ -131,7 +132,7 @@ def each_point(folder: Path | str, of: str | None = None, where: Sequence[str] |
                 raise StoreError(f"{folder}: {said}: {error}") from error
             cycles, censored, seeds = read_ends(connection, key)
             column = ("simulated_s", float) if of == T_SYNC_S else ("measured", lambda text: json.loads(text).get(of))
-            events = _read_column(connection, key, "events") if any_events else ()
+            events = _read_column(connection, key, "events") if any_events else repeat(None, len(seeds))
             yield PointTrials(
                 number=number,
                 key=key,
