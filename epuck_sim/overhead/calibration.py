@@ -215,14 +215,14 @@ def _after_light(frames: Iterator[Frame], most_lit_s: float) -> Iterator[Frame]:
     """Yield the frames from the first dark one on, or once the room has been lit for `most_lit_s`."""
     if (first := next(frames, None)) is not None:
         until_s = first.time_s + most_lit_s
-        yield from dropwhile(lambda frame: frame.time_s < until_s and is_lit(frame), chain([first], frames))
+        yield from dropwhile(lambda frame: frame.time_s < until_s and is_lit(frame.colours), chain([first], frames))
 
 
 def _lit_corners(frames: Iterator[Frame]) -> tuple[FloatArray | None, Iterator[Frame]]:
     """Return the floor's corners in a lit beginning, if there is one, and the frames after it."""
     before: FloatArray | None = None
     for frame in islice(frames, LIT_FRAMES):
-        if not is_lit(frame):
+        if not is_lit(frame.colours):
             return None, chain([frame], frames)
         corners = find_corners(frame.picture)
         if corners is not None and before is not None and np.abs(corners - before).max() <= AGREE_PX:
@@ -249,7 +249,7 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
     survey, first = _Survey(), background.levels
     last_s, last_lit_px, since = -math.inf, 0, 0
     for frame in frames:
-        if first is None and not is_lit(frame):
+        if first is None and not is_lit(frame.colours):
             first, _ = ring_light(frame)
             background.levels = first
         since += bool(survey.found)

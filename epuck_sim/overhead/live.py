@@ -100,7 +100,7 @@ def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Cal
     """Yield the frames as they arrive, and keep the last ones."""
     for frame in map(outputs.record, live.frames()):
         outputs.show(frame.picture)
-        if not head and is_lit(frame):
+        if not head and is_lit(frame.colours):
             tell(f"the room is lit; tracking begins when it is dark, or after {LIVE_LIT_S:g} s")
         head.append(frame)
         yield frame

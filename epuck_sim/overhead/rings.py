@@ -6,6 +6,7 @@ overlap the rings found before: robots may touch, but not overlap.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import cv2
@@ -85,12 +86,12 @@ _ROWS = np.arange(BINS)
 _FROM_LED_TO_LED = np.ones((LED_BINS, 1), np.uint8)
 
 
-def is_lit(frame: Frame) -> bool:
+def is_lit(colours: Sequence[Light]) -> bool:
     """Return whether the room's lights are on, judged by the picture's middle; the table around may be black."""
-    rows, columns = frame.colours[0].shape
+    rows, columns = colours[0].shape
     step = max(min(rows, columns) // LIT_SAMPLES, 1)
     middle = np.s_[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step]
-    return median(np.minimum.reduce([colour[middle] for colour in frame.colours])) >= LIT_LEVEL
+    return median(np.minimum.reduce([colour[middle] for colour in colours])) >= LIT_LEVEL
 
 
 def median(levels: npt.NDArray[np.uint8]) -> float:
@@ -105,8 +106,9 @@ def ring_light(frame: Frame, times: int = 1) -> tuple[Light, bool]:
     The light is the mean of the colours: a ring that burns out in one still has its shape in the others. In a lit room
     it is their difference: grey things are no rings.
     """
-    red, green, blue = (reduced(colour, times) for colour in frame.colours)
-    if is_lit(frame):
+    colours = frame.colours
+    red, green, blue = (reduced(colour, times) for colour in colours)
+    if is_lit(colours):
         most, least = (combine(combine(red, green), blue) for combine in (cv2.max, cv2.min))
         return np.asarray(cv2.subtract(most, least), np.uint8), True
     mean = cv2.addWeighted(cv2.addWeighted(red, 1 / 2, green, 1 / 2, 0), 2 / 3, blue, 1 / 3, 0)

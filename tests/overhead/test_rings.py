@@ -130,7 +130,7 @@ def test_whether_the_room_is_lit_and_light_is_bright_or_coloured_and_not_counted
     swarm = picture_of(cameras.touching(30, np.random.default_rng(0)), **wide)
     dark, grey = np.full((64, 64, 3), 39, np.uint8), np.full((64, 64, 3), 40, np.uint8)
     room, turned = picture_of([], room=True, **wide), picture_of([], room=True, tilt_deg=20.0, turn_deg=40.0)
-    seen = [is_lit(Frame(0.0, picture)) for picture in (room, turned, grey, swarm, dark)]
+    seen = [is_lit(Frame(0.0, picture).colours) for picture in (room, turned, grey, swarm, dark)]
     assert seen == [True, True, True, False, False]
     picture = np.array([[(200, 90, 120), (90, 200, 120), (90, 90, 90)]], np.uint8)
     learnt = Background(np.array([[4, 4, 3]], np.uint8))

@@ -62,7 +62,7 @@ def _rings_are_coded() -> Iterator[None]:
     where = "epuck_sim.overhead.flashes"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(f"{where}.RingFinder", Coded)
-        patch.setattr(f"{where}.Background.light_beyond", lambda _, shot: (shot.picture[:, :, 2], is_lit(shot)))
+        patch.setattr(f"{where}.Background.light_beyond", lambda _, shot: (shot.picture[:, :, 2], is_lit(shot.colours)))
         patch.setattr(f"{where}.LightMeter.lit_px", lambda *_: 0)
         yield
 
