@@ -25,7 +25,7 @@ from typing import Any, cast
 import numpy as np
 
 from epuck_sim.errors import NumbaError
-from epuck_sim.util.jit import PACKAGE, Function, Kernel, name_after, open_cache
+from epuck_sim.util.jit import PACKAGE, Function, Kernel, digest, name_after, open_cache
 
 try:
     import numba
@@ -177,7 +177,7 @@ class _Cache(_Uncached):  # type: ignore[misc]
 
     def _path(self, folder: Path, signature: Any, context: Any) -> Path:
         made_from = self._made_from, signature, context.codegen().magic_tuple(), sys.implementation.cache_tag
-        return folder / f"{self._name}.{_digest(repr(made_from).encode()).hex()[:16]}.nbc"
+        return folder / f"{self._name}.{digest([repr(made_from).encode()])}.nbc"
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return compiled code from the user's cache, else what was shipped; None if there is neither.
