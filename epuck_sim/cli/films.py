@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -285,8 +286,7 @@ def track(
         assert film is not None  # otherwise it was refused above
         tracked = track_film(film, scene, rings, progress_bar("tracking"))
     robots_found = find_robots(tracked) if tags is not None or any(tables.values()) else None
-    for doubt in (*tracked.warnings, *(robots_found.warnings if robots_found else ())):
-        print_stderr(f"warning: {doubt}")
+    print_doubts((*tracked.warnings, *(robots_found.warnings if robots_found else ())))
     print_track(tracked, robots_found, as_json=as_json)
     if robots_found is not None:
         robots_found.save(flashes, trace, pairs)
@@ -369,16 +369,16 @@ def compare_film(
     track = track_film(film, scene, None, progress_bar("tracking"), FilmMetadata.of(describe_film(loaded, loaded.seed)))
     found = find_robots(track)
     floor_cm = track.geometry.floor_cm
-    for doubt in (*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings):
-        print_stderr(f"warning: {doubt}")
+    doubts = [*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings]
     if floor_cm != simulated_cm:
-        print_stderr(
-            f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
+        doubts.append(
+            f"the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
             f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they should be the same, check --arena-cm or SCENARIO"
         )
     shown, count = track.options.robots or track.robots_seen, loaded.robot_count
     if shown > count or track.options.robots not in (None, count):
-        print_stderr(f"warning: the film shows {shown} robots, {loaded.name} has {count}")
+        doubts.append(f"the film shows {shown} robots, {loaded.name} has {count}")
+    print_doubts(doubts)
     rows = compare.compare_film(found, loaded, trials, trials_bar(trials))
     fitted = compare.fitted_values(loaded, found)
     print_comparison(track, loaded.name, rows, fitted, as_json=as_json)
@@ -388,3 +388,9 @@ def compare_film(
         from epuck_sim.figures.films import save_comparison_figure
 
         save_comparison_figure(plot, rows)
+
+
+def print_doubts(doubts: Iterable[str]) -> None:
+    """Print doubts on stderr, as warnings."""
+    for doubt in doubts:
+        print_stderr(f"warning: {doubt}")
