@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import T_SYNC_S
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range, ends_in
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range, ends_in, whole_key_of
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
@@ -82,8 +82,7 @@ def is_logarithmic(key: str, values: npt.ArrayLike) -> bool:
 def unknown_axis(key: str, axes: Collection[str]) -> str:
     """Return the phrase for a key that is no axis: it is the ending of one, which is for typing only, or unknown."""
     found = [axis for axis in axes if ends_in(axis, key)]
-    whole = f"{key} is the ending of a key; give the whole key, {' or '.join(found)}"
-    return whole if found else did_you_mean(key, axes)
+    return whole_key_of(key, found) if found else did_you_mean(key, axes)
 
 
 def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *, by_name: bool = False) -> str:

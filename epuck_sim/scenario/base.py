@@ -155,6 +155,11 @@ def ends_in(key: str, ending: str) -> bool:
     return f".{key}".endswith(f".{ending}")
 
 
+def whole_key_of(ending: str, keys: Sequence[str]) -> str:
+    """Return the phrase for the ending of these keys, where whole keys alone are allowed."""
+    return f"{ending} is the ending of a key; give the whole key, {' or '.join(keys)}"
+
+
 def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
     """Return the phrase for an unknown key, with the known one that was probably meant.
 

@@ -304,10 +304,7 @@ _Moment = TypeVar("_Moment")
 def timed_entries(
     schedule: Sequence[ScheduleEntry], moment: Callable[[float], _Moment], never: _Moment
 ) -> deque[tuple[_Moment, int]]:
-    """Return moment and number of each entry that has a time, in order; the last moment is `never`, after all others.
-
-    `moment` returns the moment of a time in s.
-    """
+    """Return moment (of a time in s) and number of each entry that has a time, in order, and `never` after them."""
     timed = [(moment(entry.at_s), number) for number, entry in enumerate(schedule) if entry.at_s is not None]
     return deque([*sorted(timed), (never, -1)])
 

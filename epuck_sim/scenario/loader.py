@@ -18,7 +18,7 @@ from epuck_sim.measures.measure import find_measure
 from epuck_sim.scenario import keys
 from epuck_sim.scenario.arena import find_picture
 from epuck_sim.scenario.axes import SweepAxes, canonical_text
-from epuck_sim.scenario.base import refused_at
+from epuck_sim.scenario.base import refused_at, whole_key_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_curve
 from epuck_sim.scenario.robot_kind import ROBOT, are_groups, with_robots
@@ -263,8 +263,7 @@ def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) 
         for key, _ in _dotted(given.get(section), *parts):
             found = _full_keys(given, str(key), f"{origin}: {section}", origin, folder)
             if found != [str(key)]:
-                said = f"{key} is the ending of a key; give the whole key, {' or '.join(found)}"
-                raise ScenarioError(f"{origin}: {section}: {said}")
+                raise ScenarioError(f"{origin}: {section}: {whole_key_of(key, found)}")
 
 
 def _dotted(value: Any, *parts: str) -> Iterator[tuple[Any, Any]]:
