@@ -21,7 +21,7 @@ from epuck_sim.particles.motion import begin_motion, start_at_present
 from epuck_sim.particles.neighbours import write_links
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
-from epuck_sim.particles.swarm import SCHEDULE_SEED, Arrays, keep_state
+from epuck_sim.particles.swarm import SCHEDULE_SEED, Arrays, keep_state, state_of
 from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TrialEvent, timed_entries
 from epuck_sim.scenario.loader import load_of_model
@@ -60,7 +60,7 @@ class Event(NamedTuple):
 
 def _number(name: str, text: str) -> property:
     """Return a property that is a whole number of the scene."""
-    return property(lambda simulation: int(simulation._scene[name]), doc=text)
+    return property(lambda simulation: int(simulation._state[name].item()), doc=text)
 
 
 class ParticleSimulation:
@@ -143,13 +143,13 @@ class ParticleSimulation:
     def _renew(self, rules: Rules) -> None:
         """Switch to the block of a new swarm with these rules."""
         self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
-        self._scene = self._arrays.scene
+        self._state = state_of(self._arrays.block)
         self._still: tuple[Arrays, IntArray] | None = None
         self._link_room = FIRST_ROOM * self.scenario.agents.count
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without addresses, which are valid in this process only."""
-        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_scene", "_still")
+        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "_still")
         kept = {name: value for name, value in vars(self).items() if name not in left_out}
         own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
         return {**kept, **own}
@@ -177,17 +177,17 @@ class ParticleSimulation:
         turned = turn_if_next(self._arrays.block, self._addresses)
         if turned >= 0:
             return Event(self.time_s, turned, NOBODY, NOBODY)
-        self._advance(NEVER, int(self._scene["pulses"]) + 1)
+        self._advance(NEVER, self._state["pulses"].item() + 1)
         return self.last_instant()
 
     def _advance(self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0) -> None:
         """Simulate until a limit is reached; see `swarm.LIMITS`, of which `max_offset` is `offset` or more."""
-        scene = self._scene
-        scene["limits"] = pulses, cycles, *end, max(offset, float(scene["max_offset"]))
+        state = self._state
+        state["limits"][0] = pulses, cycles, *end, max(offset, state["max_offset"].item())
         try:
             advance(self._arrays.block, self._addresses)
         except Exception as error:  # nothing else in the kernel raises
-            phase = float(scene["response"]["last_phase"])
+            phase = float(self._arrays.scene.response.last_phase)
             raise curve_error(self._present.response, phase, error) from error
 
     def _observe(self) -> Arrays:
@@ -205,9 +205,9 @@ class ParticleSimulation:
 
     def last_instant(self) -> Event:
         """Return the last event at which agents fired, if no time has passed since."""
-        swarm, scene = self._arrays, self._scene
-        fired = swarm.fired[: scene["fired"]].astype(np.int64)
-        received = swarm.received[: scene["received"]].astype(np.int64)
+        swarm, state = self._arrays, self._state
+        fired = swarm.fired[: state["fired"].item()].astype(np.int64)
+        received = swarm.received[: state["received"].item()].astype(np.int64)
         return Event(self.time_s, None, fired, received)
 
     def run(self, cycles: int, periods: int | None = None, pulses: int | None = None, *, share: float = 0.0) -> None:
@@ -226,7 +226,7 @@ class ParticleSimulation:
         """
         cycles = whole("cycles", cycles, 0)
         last_cycle = UNLIMITED if periods is None else self.period + periods
-        last_pulse = UNLIMITED if pulses is None else int(self._scene["pulses"]) + pulses
+        last_pulse = UNLIMITED if pulses is None else self._state["pulses"].item() + pulses
         self._advance_through((last_cycle, share), last_pulse, cycles)
 
     def run_to(self, time_s: float) -> None:
@@ -247,7 +247,7 @@ class ParticleSimulation:
         # between events the order parameter at the reference's last firing may be asked for: always measure it
         self._advance_through((cycle, time), offset=1.0)
         if not self.is_synchronised:
-            self._scene["now"] = cycle - self._scene["cycle"] + time
+            self._state["now"][:] = cycle - self._state["cycle"] + time
 
     def _advance_through(
         self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0
@@ -256,16 +256,16 @@ class ParticleSimulation:
         self._is_changed = False
         while self.next_change <= end:
             self._advance(last_firing_before(self.next_change), pulses, cycles, offset)
-            if self.is_synchronised or self.cycles >= cycles or self._scene["pulses"] >= pulses:
+            if self.is_synchronised or self.cycles >= cycles or self._state["pulses"].item() >= pulses:
                 return
             self._carry_out_timed()
         self._advance(end, pulses, cycles, offset)
 
     def _carry_out_timed(self) -> None:
         """Make the changes that have the next time, by the schedule and by faults; nothing else happens up to then."""
-        scene, moment = self._scene, self.next_change
+        scene, moment = self._arrays.scene, self.next_change
         self._advance(last_firing_before(moment))  # counts time from the moment's cycle
-        scene["now"] = max(scene["now"], moment[0] - scene["cycle"] + moment[1])
+        scene.now = max(scene.now, moment[0] - scene.cycle + moment[1])
         while self._timed[0][0] == moment:
             self.carry_out_scheduled(self._timed.popleft()[1])
         if self._moment(self._fault_ms / 1000) <= moment:
@@ -335,7 +335,7 @@ class ParticleSimulation:
             raise ValueError(f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more before the first")
         swarm = self._arrays
         forward = cycles * swarm.period[agent]
-        swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, self._scene["now"])
+        swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, swarm.scene.now)
         forget_earliest(swarm)
 
     def page(self) -> Any:
@@ -351,14 +351,14 @@ class ParticleSimulation:
     @property
     def time_s(self) -> float:
         """Simulated time in s."""
-        return float(self._scene["cycle"] + self._scene["now"]) * self.scenario.clocks.period_s
+        return (self._state["cycle"].item() + self._state["now"].item()) * self.scenario.clocks.period_s
 
     period = _number("cycle", "Number of the present nominal period, from 0.")
 
     @property
     def next_firing(self) -> tuple[int, float]:
         """Number of the nominal period, from 0, in which the next agent fires, and the share of it that has passed."""
-        periods, share = divmod(float(self._arrays.next_firing.min()), 1.0)
+        periods, share = divmod(float(np.minimum.reduce(self._arrays.next_firing)), 1.0)
         return self.period + int(periods), share
 
     cycles = _number("cycles", "Number of firings of the reference so far.")
@@ -373,7 +373,7 @@ class ParticleSimulation:
 
         None before its first firing; it may also be None after `run` has reached its limit of periods or pulses.
         """
-        order_parameter = float(self._scene["order_parameter"])
+        order_parameter = self._state["order_parameter"].item()
         return None if math.isnan(order_parameter) else order_parameter
 
     @property
@@ -389,7 +389,7 @@ class ParticleSimulation:
     @property
     def is_synchronised(self) -> bool:
         """Whether the order parameter reached its threshold at the last event."""
-        return bool(self._scene["is_synchronised"])
+        return self._state["is_synchronised"].item()
 
     def phases(self) -> FloatArray:
         """Return (agents,) phases at the present time; an agent that has just fired has phase 0."""

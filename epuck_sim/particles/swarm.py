@@ -256,6 +256,12 @@ KEPT_ARRAYS = (
 """Arrays and fields that a swarm keeps when its rules change while it runs."""
 
 
+def state_of(block: ByteArray) -> dict[str, npt.NDArray[Any]]:
+    """Return (1,) each field of the scene that changes, or limits a call, in place: ten times as fast as a record."""
+    scene = block[:SCENE_BYTES].view(SCENE)
+    return {name: scene[name] for name in (*KEPT_FIELDS, "limits", "max_offset")}
+
+
 def keep_state(before: Arrays, after: Arrays) -> None:
     """Copy the state of a swarm to another block, which has other rules."""
     for name in KEPT_FIELDS:

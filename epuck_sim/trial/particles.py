@@ -59,9 +59,10 @@ def run_agents(
                 pulses = max(1, pulses // 2)
             elif took < SLICE_S / 2 and not (is_one_cycle and simulation.cycles > cycles):
                 pulses *= 2  # a slice that ended at a firing does not show how long a whole one takes
-        if simulation.cycles > cycles:
+        if measuring.at_cycles and simulation.cycles > cycles:
+            event = simulation.last_instant()
             for observer in measuring.at_cycles:
-                observer(simulation.last_instant(), simulation)
+                observer(event, simulation)
         if progress is not None:
             progress(simulation)
     is_early = has_ended()
