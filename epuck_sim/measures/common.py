@@ -1,4 +1,4 @@
-"""Base classes of shipped measures: series, shares, allowed parameters, and phases and positions in both models.
+"""Base classes of shipped measures: series, shares, and allowed parameters.
 
 The fields of a measure that is a dataclass are its parameters.
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import IntArray
 from epuck_sim.scenario.embodied import largest_cm
 
 
@@ -28,18 +28,6 @@ class Shipped:
         """Whether the simulation is one of robots."""
         return bool(self.simulation.scenario.model == "embodied")
 
-    def phases(self, event: Any) -> FloatArray:
-        """Return (oscillators,) phases from 0 to 1; robots that are no oscillators are left out."""
-        if not self.has_bodies:
-            return np.asarray(self.simulation.phases())
-        periods = self.simulation.period_ms
-        is_oscillator = ~np.isnan(periods)
-        return np.asarray(event.phase_ms[is_oscillator] / periods[is_oscillator])
-
-    def positions(self, event: Any) -> FloatArray:
-        """Return (population, dimensions) cm: a copy of the positions."""
-        return np.array(event.poses[:, :2] if self.has_bodies else self.simulation.positions())
-
     @property
     def sides_cm(self) -> tuple[float, ...]:
         """Side of the space, or of the arena at its largest, along each dimension."""
@@ -48,7 +36,7 @@ class Shipped:
 
 
 class Series(Shipped):
-    """A measure with a value for each cycle, which its method `cycle` appends."""
+    """A measure with a value for each cycle, which its method `cycle` or `batch` appends."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

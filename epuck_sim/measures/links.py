@@ -2,7 +2,8 @@
 
 Links of agents are those at the instant of the reference's firing: from each agent to those that would receive its
 pulse then (5.1.3). Links of robots are those of the whole cycle: from each robot to those whose cameras saw its ring
-lit in a step of the cycle. A link is stored as one number: the sender times the population, plus the receiver.
+lit in a step of the cycle. A link is stored as one number: the sender times the population, plus the receiver. The
+links of a batch of cycles are ascending: each cycle adds the square of the population to those of the one before.
 """
 
 from collections import deque
@@ -14,13 +15,12 @@ import numpy as np
 
 from epuck_sim.arrays import IntArray
 from epuck_sim.measures.common import Series, Share, Shipped, allowed, check_sight, one_of
-from epuck_sim.util.jit import jit
 
 NO_LINKS: IntArray = np.zeros(0, np.int64)
 
 
 class Links(Shipped):
-    """Base class of measures of links: the links of each cycle."""
+    """Base class of measures of links: the links of each cycle of a batch."""
 
     MODELS = ("embodied", "particles")
     check_scenario = staticmethod(check_sight)
@@ -36,47 +36,66 @@ class Links(Shipped):
         _, looks, lit = stretch.sightings.T
         self._seen.append(lit * self._population + looks)
 
-    def cycle(self, _: Any, __: Any) -> None:
-        if self.has_bodies:
-            self.take(np.unique(np.concatenate(self._seen)))
-            self._seen = [NO_LINKS]
-        else:
-            self.take(self.simulation.neighbour_links())
+    def batch(self, batch: Any, _: Any) -> None:
+        links = np.unique(np.concatenate(self._seen)) if self.has_bodies else batch.links
+        self._seen = [NO_LINKS]
+        self.take(links, len(batch.time_s))
 
-    def take(self, links: IntArray) -> None:
+    def take(self, links: IntArray, cycles: int) -> None:
+        """Record the links of some cycles."""
+        raise NotImplementedError
+
+    def of_each(self, links: IntArray, cycles: int) -> list[IntArray]:
+        """Return the links of each cycle, as if it were the first of a batch."""
+        square = self._population**2
+        return np.split(links % square, np.searchsorted(links, square * np.arange(1, cycles)))
+
+
+class _Kept(Links):
+    """Base class of measures of links that are kept from one cycle to the next."""
+
+    _before: IntArray | None = None
+
+    def take(self, links: IntArray, cycles: int) -> None:
+        square = self._population**2
+        first = NO_LINKS if self._before is None else self._before - square
+        together = np.concatenate([first, links]) + square
+        kept = np.intersect1d(together + square, together, assume_unique=True)
+        had, left = (np.bincount(each // square, minlength=cycles + 1) for each in (together, kept))
+        begins = int(self._before is None)
+        self.compare(had[begins:-1], had[begins + 1 :], left[begins + 1 :])
+        self._before = links[links >= (cycles - 1) * square] - (cycles - 1) * square
+
+    def compare(self, before: IntArray, after: IntArray, kept: IntArray) -> None:
+        """Record (cycles,) numbers of links of the cycle before, of this one, and of both."""
         raise NotImplementedError
 
 
-class NeighbourChange(Links, Series):
+class NeighbourChange(_Kept, Series):
     """Share of links that changed since the last cycle: 1 - |A and B| / |A or B| (series)."""
 
-    _before: IntArray | None = None
-
-    def take(self, links: IntArray) -> None:
-        change = None
-        if self._before is not None and len(self._before) + len(links):
-            common = len(np.intersect1d(self._before, links, assume_unique=True))
-            change = 1 - common / (len(self._before) + len(links) - common)
-        self._series.append(change)
-        self._before = links
+    def compare(self, before: IntArray, after: IntArray, kept: IntArray) -> None:
+        if self._before is None:
+            self._series.append(None)
+        either = before + after - kept
+        self._series += [
+            1 - both / any_of if any_of else None for both, any_of in zip(kept.tolist(), either.tolist(), strict=True)
+        ]
 
 
-class LinkLife(Links, Share):
+class LinkLife(_Kept, Share):
     """Mean number of successive cycles in which a link exists: links at risk over links that end."""
 
     UNIT = "cycles"
-    _before: IntArray | None = None
 
-    def take(self, links: IntArray) -> None:
-        if self._before is not None:
-            self._part += len(self._before)
-            self._whole += len(self._before) - len(np.intersect1d(self._before, links, assume_unique=True))
-        self._before = links
+    def compare(self, before: IntArray, _: IntArray, kept: IntArray) -> None:
+        self._part += int(before.sum())
+        self._whole += int((before - kept).sum())
 
 
 DIRECTIONS = ("in", "out", "both")
 CONNECTIONS = ("weak", "strong")
-STATISTICS: dict[str, Callable[[IntArray], Any]] = {
+STATISTICS: dict[str, Callable[..., Any]] = {
     "mean": np.mean,
     "smallest": np.min,
     "largest": np.max,
@@ -84,65 +103,33 @@ STATISTICS: dict[str, Callable[[IntArray], Any]] = {
 }
 
 
-def degrees(links: IntArray, population: int, direction: str) -> IntArray:
-    """Return (population,) number of links of each: to it (`in`), from it (`out`), or both."""
+def ends_of(links: IntArray, population: int) -> tuple[IntArray, IntArray]:
+    """Return (links,) numbers of senders, and of receivers; a population's numbers follow those of the cycle before."""
     senders, receivers = np.divmod(links, population)
-    ends = {"in": [receivers], "out": [senders], "both": [senders, receivers]}[direction]
-    return np.bincount(np.concatenate(ends), minlength=population)
+    return senders, senders - senders % population + receivers
 
 
-def component_sizes(links: IntArray, population: int, connection: str) -> IntArray:
-    """Return the sizes, in no order, of the components of the graph with these links, which must be ascending.
+def degrees(links: IntArray, population: int, direction: str, cycles: int = 1) -> IntArray:
+    """Return (cycles, population) number of links of each: to it (`in`), from it (`out`), or both."""
+    senders, receivers = ends_of(links, population)
+    ends = {"in": receivers, "out": senders, "both": np.concatenate([senders, receivers])}[direction]
+    return np.bincount(ends, minlength=cycles * population).reshape(cycles, population)
+
+
+def component_sizes(links: IntArray, population: int, connection: str, cycles: int = 1) -> tuple[IntArray, IntArray]:
+    """Return (components,) the sizes of the components of the graphs of cycles, and the cycle of each, from 0.
 
     In a weak component links count as if they led both ways; in a strong one every member reaches all others.
     """
-    if connection == "weak":
-        senders, receivers = np.divmod(links, population)
-        links = np.sort(np.concatenate((links, receivers * population + senders)))
-    begins = np.searchsorted(links, np.arange(population + 1) * population)
-    return strong_component_sizes(begins, links % population)
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-
-@jit
-def strong_component_sizes(begins: IntArray, receivers: IntArray) -> IntArray:
-    """Return the sizes of the strong components, which Tarjan's search finds (SIAM J. Comput. 1, 146, 1972).
-
-    Links of node i are those from `begins[i]` up to `begins[i + 1]`; `receivers` holds the node to which each leads.
-    """
-    population = len(begins) - 1
-    following = begins.copy()  # the next link of each node to follow
-    rank = np.zeros(population, np.int64)  # order in which nodes were met, from 1; 0: not yet
-    lowest = np.zeros(population, np.int64)  # lowest rank that each is known to reach; 0: its component is complete
-    path, waiting, sizes = np.zeros((3, population), np.int64)  # waiting: those met whose component is not complete
-    met = on_path = number = count = 0
-    for root in range(population):
-        node = root
-        while rank[root] == 0 or on_path > 0:
-            if rank[node] == 0:
-                met += 1
-                rank[node] = lowest[node] = met
-                path[on_path], waiting[number] = node, node
-                on_path, number = on_path + 1, number + 1
-            node = path[on_path - 1]
-            if following[node] < begins[node + 1]:
-                receiver = receivers[following[node]]
-                following[node] += 1
-                if rank[receiver] == 0:
-                    node = receiver
-                elif lowest[receiver] > 0:
-                    lowest[node] = min(lowest[node], rank[receiver])
-                continue
-            on_path -= 1
-            if lowest[node] < rank[node]:
-                before = path[on_path - 1]
-                lowest[before] = min(lowest[before], lowest[node])
-            else:
-                while lowest[node] > 0:
-                    number -= 1
-                    lowest[waiting[number]] = 0
-                    sizes[count] += 1
-                count += 1
-    return sizes[:count]
+    nodes = cycles * population
+    graph = coo_array((np.ones(len(links), np.int8), ends_of(links, population)), shape=(nodes, nodes))
+    count, component_of = connected_components(graph, connection=connection)
+    cycle_of = np.zeros(count, np.int64)
+    cycle_of[component_of] = np.arange(nodes) // population
+    return np.bincount(component_of), cycle_of
 
 
 @dataclass
@@ -153,8 +140,9 @@ class Degree(Links, Series):
     statistic: str = "mean"
     check = staticmethod(allowed(direction=one_of(DIRECTIONS), statistic=one_of(STATISTICS)))
 
-    def take(self, links: IntArray) -> None:
-        self._series.append(float(STATISTICS[self.statistic](degrees(links, self._population, self.direction))))
+    def take(self, links: IntArray, cycles: int) -> None:
+        of_each = degrees(links, self._population, self.direction, cycles)
+        self._series += STATISTICS[self.statistic](of_each, axis=1).astype(float).tolist()
 
 
 @dataclass
@@ -164,8 +152,9 @@ class Isolated(Links, Series):
     direction: str = "in"
     check = staticmethod(allowed(direction=one_of(DIRECTIONS)))
 
-    def take(self, links: IntArray) -> None:
-        self._series.append(float((degrees(links, self._population, self.direction) == 0).mean()))
+    def take(self, links: IntArray, cycles: int) -> None:
+        of_each = degrees(links, self._population, self.direction, cycles)
+        self._series += (of_each == 0).mean(axis=1).tolist()
 
 
 @dataclass
@@ -180,31 +169,40 @@ class _Components(Links, Series):
         super().__post_init__()
         self._last: deque[IntArray] = deque(maxlen=self.cycles)
 
-    def take(self, links: IntArray) -> None:
-        self._last.append(links)
-        value = None
-        if len(self._last) == self.cycles:
-            together = links if self.cycles == 1 else np.unique(np.concatenate(self._last))
-            value = self.of_sizes(component_sizes(together, self._population, self.connection))
-        self._series.append(value)
+    def take(self, links: IntArray, cycles: int) -> None:
+        passed = len(self._last)
+        if self.cycles > 1:
+            links = self._together(links, cycles)
+        known = self.of_sizes(*component_sizes(links, self._population, self.connection, cycles), cycles)
+        self._series += [None if passed + cycle < self.cycles else value for cycle, value in enumerate(known, 1)]
 
-    def of_sizes(self, sizes: IntArray) -> float:
-        """Return the value of a cycle from the sizes of its components."""
+    def _together(self, links: IntArray, cycles: int) -> IntArray:
+        """Return, for each cycle, the links of the last ones together."""
+        found = []
+        for row, own in enumerate(self.of_each(links, cycles)):
+            self._last.append(own)
+            found.append(np.unique(np.concatenate(self._last)) + row * self._population**2)
+        return np.concatenate(found)
+
+    def of_sizes(self, sizes: IntArray, cycle_of: IntArray, cycles: int) -> Any:
+        """Return the list of values of some cycles from the sizes of components, and the cycle of each."""
         raise NotImplementedError
 
 
 class ComponentCount(_Components):
     """Number of weak or strong components of the links of the last `cycles` cycles, at each cycle (series)."""
 
-    def of_sizes(self, sizes: IntArray) -> int:
-        return len(sizes)
+    def of_sizes(self, _: IntArray, cycle_of: IntArray, cycles: int) -> Any:
+        return np.bincount(cycle_of, minlength=cycles).tolist()
 
 
 class LargestComponent(_Components):
     """Share of robots or agents in the largest component (see `component_count`) at each cycle (series)."""
 
-    def of_sizes(self, sizes: IntArray) -> float:
-        return float(sizes.max() / sizes.sum())
+    def of_sizes(self, sizes: IntArray, cycle_of: IntArray, cycles: int) -> Any:
+        largest = np.zeros(cycles, np.int64)
+        np.maximum.at(largest, cycle_of, sizes)
+        return (largest / self._population).tolist()
 
 
 @dataclass
@@ -216,11 +214,13 @@ class SpanningTime(Links):
     UNIT = "cycles"
     _cycles, _spans, _together = 0, False, NO_LINKS
 
-    def take(self, links: IntArray) -> None:
-        if not self._spans:
+    def take(self, links: IntArray, cycles: int) -> None:
+        for own in () if self._spans else self.of_each(links, cycles):
             self._cycles += 1
-            self._together = np.union1d(self._together, links)
-            self._spans = len(component_sizes(self._together, self._population, self.connection)) == 1
+            self._together = np.union1d(self._together, own)
+            self._spans = len(component_sizes(self._together, self._population, self.connection)[0]) == 1
+            if self._spans:
+                return
 
     def value(self) -> int | None:
         """Return the number of cycles; None if the trial ends before."""

@@ -34,9 +34,13 @@ STEP_METHOD, STRETCH_METHOD = "step", "stretch"
 EVENT_METHODS = {STEP_METHOD: "every control step of robots", "event": "every event of point agents"}
 """Methods that are called after every event of a trial, and the events of each."""
 
-CYCLE_METHOD = "cycle"  # method that is called after every firing of the reference
+CYCLE_METHOD, BATCH_METHOD = "cycle", "batch"
+"""Methods that are called with firings of the reference: with each, and with many in a row at once."""
 
-CALLED = (*EVENT_METHODS, STRETCH_METHOD, CYCLE_METHOD, "value", "check", "check_scenario")
+AT_ONCE = {STEP_METHOD: STRETCH_METHOD, CYCLE_METHOD: BATCH_METHOD}
+"""Methods that are called with many at once, by those in whose place they are called."""
+
+CALLED = (*EVENT_METHODS, CYCLE_METHOD, *AT_ONCE.values(), "value", "check", "check_scenario")
 """All methods that are called, if a measure has them."""
 
 
@@ -58,8 +62,8 @@ class Measure:
         return not inspect.isclass(self.make)
 
     def told_by(self, method: str) -> str | None:
-        """Return the method to call for this one, `stretch` in place of `step` if it has that; None if it has none."""
-        methods = (STRETCH_METHOD, STEP_METHOD) if method == STEP_METHOD else (method,)
+        """Return the method to call for this one, that for many `AT_ONCE` if it has it; None if it has neither."""
+        methods = (AT_ONCE.get(method, method), method)
         return None if self.is_function else next((each for each in methods if hasattr(self.make, each)), None)
 
     def check_model(self, model: str, event_method: str) -> None:

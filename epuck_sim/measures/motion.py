@@ -25,11 +25,10 @@ class MeanSquaredDisplacement(Series):
     check_scenario = staticmethod(check_walls)
     _start: FloatArray | None = None
 
-    def cycle(self, event: Any, _: Any) -> None:
-        positions = self.positions(event)
+    def batch(self, batch: Any, _: Any) -> None:
         if self._start is None:
-            self._start = positions
-        self._series.append(float(((positions - self._start) ** 2).sum(axis=1).mean()))
+            self._start = batch.positions[0].copy()
+        self._series += ((batch.positions - self._start) ** 2).sum(axis=2).mean(axis=1).tolist()
 
 
 @dataclass
@@ -39,12 +38,10 @@ class NearWalls(Share):
     within_cm: float = 5.0
     check, check_scenario = staticmethod(allowed(within_cm=ABOVE_0)), staticmethod(check_walls)
 
-    def cycle(self, event: Any, _: Any) -> None:
-        positions = self.positions(event)
-        sides_cm = (event.arena.width_cm, event.arena.height_cm) if self.has_bodies else self.sides_cm
-        distances = np.minimum(positions, sides_cm - positions).min(axis=1)
+    def batch(self, batch: Any, _: Any) -> None:
+        distances = np.minimum(batch.positions, batch.sides_cm - batch.positions).min(axis=2)
         self._part += int(np.count_nonzero(distances <= self.within_cm))
-        self._whole += len(positions)
+        self._whole += distances.size
 
 
 class _Moves(Shipped):
@@ -98,11 +95,12 @@ class VelocityCorrelationTime(_Moves):
         self._sums, self._terms = np.zeros((2, self.lags + 1))
         self._first_s = self._last_s = 0.0
 
-    def cycle(self, _: Any, state: Any) -> None:
+    def batch(self, batch: Any, _: Any) -> None:
         if not self.has_bodies:
-            self._last_s = state.time_s
-            self._first_s = self._first_s if self._terms[0] else state.time_s
-            self.take((self.simulation.headings() * self.simulation.speeds_cm_s[:, None])[None])
+            self._first_s = self._first_s if self._terms[0] else batch.time_s[0]
+            self._last_s = batch.time_s[-1]
+            for velocities in batch.velocities:  # one by one: products of matrices of other sizes differ in last digits
+                self.take(velocities[None])
 
     def take(self, moves: FloatArray) -> None:
         """Add the products of (k, n, d) velocities with those up to `lags` before them, to the sum of each lag."""
@@ -169,9 +167,9 @@ class _Map(Shipped):
         if parameters.cells**axes > MOST_CELLS:
             raise ValueError(f"cells is {parameters.cells}, along each of {axes} axes; allowed: {MOST_CELLS} in all")
 
-    def cycle(self, event: Any, _: Any) -> None:
+    def batch(self, batch: Any, _: Any) -> None:
         """Count positions in each cell; one on an edge belongs to the cell beyond it, or to the last."""
-        places = self.positions(event) // self._cell_cm
+        places = batch.positions.reshape(-1, len(self._cell_cm)) // self._cell_cm
         x_first = np.clip(places, 0, self.cells - 1).astype(np.int64).T
         np.add.at(self._counts, tuple(x_first[::-1]), 1)  # x runs fastest
 

@@ -43,12 +43,14 @@ class _Twin(Series):
             )
         scenario.check_twin()
 
-    def cycle(self, event: Any, _: Any) -> None:
+    def batch(self, batch: Any, _: Any) -> None:
         from epuck_sim.particles.twin import deviations
 
-        for simulation in {self._trial, self._twin} - {self.simulation}:
-            simulation.run_to(event.time_s + self._wait_s)
-        self._series.append(float(deviations(self._trial.phases(), self._twin.phases()).max()))
+        for row, time_s in enumerate(batch.time_s.tolist()):
+            for simulation in {self._trial, self._twin} - {self.simulation}:
+                simulation.run_to(time_s + self._wait_s)
+            phases = batch.phases[row] if self._trial is self.simulation else self._trial.phases()
+            self._series.append(float(deviations(phases, self._twin.phases()).max()))
 
 
 class Perturbation(_Twin):

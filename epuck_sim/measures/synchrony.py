@@ -16,9 +16,9 @@ from epuck_sim.scenario.robots import members
 class OrderParameter(Series):
     """Order parameter at each firing of the reference: `stop.metric`, eq. 4.2, 5.7 or 3.4 (series)."""
 
-    def cycle(self, _: Any, state: Any) -> None:
-        """Record the order parameter that the trial has measured; None where the reference is no oscillator."""
-        self._series.append(state.order_parameter)
+    def batch(self, batch: Any, _: Any) -> None:
+        """Record the order parameters that the trial has measured; NaN where the reference is no oscillator."""
+        self._series += batch.order_parameter.tolist()
 
 
 @dataclass
@@ -71,10 +71,10 @@ class ThresholdCycles(Shipped):
     def check(parameters: SimpleNamespace) -> None:
         read_thresholds(parameters.thresholds)
 
-    def cycle(self, _: Any, state: Any) -> None:
+    def batch(self, batch: Any, _: Any) -> None:
         for threshold, cycle in self._cycles.items():
-            if cycle is None and state.order_parameter is not None and state.order_parameter >= threshold:
-                self._cycles[threshold] = state.cycles
+            if cycle is None and (is_reached := batch.order_parameter >= threshold).any():
+                self._cycles[threshold] = batch.first + int(is_reached.argmax())
 
     def value(self) -> list[int | None]:
         """Return the cycles; None for thresholds that were not reached."""
@@ -92,14 +92,15 @@ class BelowThreshold(Share):
     )
     _is_reached = False
 
-    def cycle(self, _: Any, state: Any) -> None:
-        order = state.order_parameter
-        if order is None or state.cycles < self.from_cycle:
-            return
-        if self._is_reached:
-            self._whole += 1
-            self._part += order < self.threshold
-        self._is_reached = self._is_reached or order >= self.threshold
+    def batch(self, batch: Any, _: Any) -> None:
+        order = batch.order_parameter[max(self.from_cycle - batch.first, 0) :]
+        known = order[~np.isnan(order)]
+        if not self._is_reached:
+            reached = np.flatnonzero(known >= self.threshold)
+            self._is_reached = len(reached) > 0
+            known = known[reached[0] + 1 :] if self._is_reached else known[:0]
+        self._whole += len(known)
+        self._part += int(np.count_nonzero(known < self.threshold))
 
 
 class StaysAbove(BelowThreshold):
@@ -111,21 +112,21 @@ class StaysAbove(BelowThreshold):
 
 
 def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
-    """Return (n,) the number, from 0, of the cluster to which each of (n,) phases in cycles belongs.
+    """Return (..., n) the number, from 0, of the cluster to which each of (..., n) phases in cycles belongs.
 
     Neighbours on the circle belong to one cluster if they are no more than `gap` cycles apart (single linkage).
 
     >>> cluster_numbers(np.array([0.0, 0.99, 0.5]), 0.02).tolist()
     [0, 0, 1]
     """
-    if not len(phases):
-        return np.zeros(0, np.int64)
-    order = np.argsort(phases % 1.0, kind="stable")
-    ordered = phases[order] % 1.0
-    is_end = np.diff(ordered, append=ordered[0] + 1.0) > gap
-    numbers = np.empty(len(phases), np.int64)
-    # phases after the last end belong to the first cluster, across phase 0
-    numbers[order] = (np.cumsum(is_end) - is_end) % max(int(is_end.sum()), 1)
+    numbers = np.zeros(phases.shape, np.int64)
+    if numbers.size:
+        order = np.argsort(phases % 1.0, axis=-1, kind="stable")
+        ordered = np.take_along_axis(phases % 1.0, order, axis=-1)
+        is_end = np.diff(ordered, append=ordered[..., :1] + 1.0) > gap
+        ends = np.cumsum(is_end, axis=-1)
+        # phases after the last end belong to the first cluster, across phase 0
+        np.put_along_axis(numbers, order, (ends - is_end) % np.maximum(ends[..., -1:], 1), axis=-1)
     return numbers
 
 
@@ -136,24 +137,27 @@ class _Clusters(Shipped):
     gap: float = 0.02
     check = staticmethod(allowed(gap=BELOW_HALF_A_CYCLE))
 
-    def clusters(self, event: Any) -> IntArray:
-        """Return (oscillators,) number of the cluster to which each belongs now."""
-        return cluster_numbers(self.phases(event), self.gap)
+    def clusters(self, batch: Any) -> IntArray:
+        """Return (cycles, oscillators) number of the cluster to which each belongs."""
+        return cluster_numbers(batch.phases, self.gap)
 
 
 class ClusterCount(_Clusters, Series):
     """Number of phase clusters at each cycle: neighbours at most `gap` cycles apart are in one (series)."""
 
-    def cycle(self, event: Any, _: Any) -> None:
-        self._series.append(int(self.clusters(event).max(initial=-1)) + 1)
+    def batch(self, batch: Any, _: Any) -> None:
+        self._series += (self.clusters(batch).max(axis=1, initial=-1) + 1).tolist()
 
 
 class LargestCluster(_Clusters, Series):
     """Share of the oscillators that is in the largest phase cluster at each cycle (series)."""
 
-    def cycle(self, event: Any, _: Any) -> None:
-        sizes = np.bincount(self.clusters(event))
-        self._series.append(share(int(sizes.max(initial=0)), int(sizes.sum())))  # None without oscillators
+    def batch(self, batch: Any, _: Any) -> None:
+        numbers = self.clusters(batch)
+        cycles, oscillators = numbers.shape
+        every = numbers + oscillators * np.arange(cycles)[:, None]
+        sizes = np.bincount(every.ravel(), minlength=every.size).reshape(cycles, -1)
+        self._series += [share(size, oscillators) for size in sizes.max(axis=1, initial=0).tolist()]
 
 
 class ClusterLife(_Clusters, Share):
@@ -165,23 +169,25 @@ class ClusterLife(_Clusters, Share):
     UNIT = "cycles"
     _before: IntArray | None = None
 
-    def cycle(self, event: Any, _: Any) -> None:
-        numbers = self.clusters(event)
-        if self._before is not None and len(numbers):
-            lived, gone = surviving_clusters(self._before, numbers)
-            self._part += lived + gone
-            self._whole += gone
-        self._before = numbers
+    def batch(self, batch: Any, _: Any) -> None:
+        numbers = self.clusters(batch)
+        if self._before is not None:
+            numbers = np.concatenate([self._before, numbers])
+        lived, gone = surviving_clusters(numbers[:-1], numbers[1:])
+        self._part += lived + gone
+        self._whole += gone
+        self._before = numbers[-1:]
 
 
 def surviving_clusters(before: IntArray, after: IntArray) -> tuple[int, int]:
     """Return how many clusters of two or more live on, and how many do not (see `ClusterLife`).
 
-    `before` and `after` are (n,) the cluster numbers of the same oscillators at two cycles.
+    `before` and `after` are (cycles, n) the cluster numbers of the same oscillators at cycles, and at the next ones.
     """
-    common = np.zeros((before.max() + 1, after.max() + 1), np.int64)
-    np.add.at(common, (before, after), 1)
-    sizes, later_sizes = common.sum(axis=1), common.sum(axis=0)
-    either = sizes[:, None] + later_sizes - common
-    lives_on = (2 * common > either).any(axis=1)[sizes >= 2]
+    cycles, clusters = len(before), max(before.max(initial=-1), after.max(initial=-1)) + 1
+    pairs = (np.arange(cycles)[:, None] * clusters + before) * clusters + after
+    common = np.bincount(pairs.ravel(), minlength=cycles * clusters**2).reshape(cycles, clusters, clusters)
+    sizes, later_sizes = common.sum(axis=2), common.sum(axis=1)
+    either = sizes[:, :, None] + later_sizes[:, None] - common
+    lives_on = (2 * common > either).any(axis=2)[sizes >= 2]
     return int(np.count_nonzero(lives_on)), int(np.count_nonzero(~lives_on))

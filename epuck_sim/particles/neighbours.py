@@ -187,22 +187,33 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
 
 
 @jit
-def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links: IntArray) -> int:
-    """Write the links of some senders, sender * agents + receiver, as far as there is room; return the number of all.
+def write_links(
+    block: ByteArray,
+    addresses: IntArray,
+    positions: FloatArray,
+    headings: FloatArray,
+    senders: IntArray,
+    links: IntArray,
+) -> int:
+    """Write the links of senders in each row of places, as far as there is room; return the number of all.
 
     They are for observers and measures, in a swarm that stands still: a simulation does not expose those that it finds.
     """
-    neighbours = carve(block, Neighbours)
+    neighbours, trajectories = carve(block, Neighbours), carve(block, Trajectories)
     scene, found = neighbours.scene, 0
-    scene.positions_time = np.nan
-    scene.sorted_at = -np.inf
-    for index in range(len(senders)):
-        sender = senders[index]
-        row = find_receivers(block, addresses, neighbours, sender, 0.0)
-        for rank in range(neighbours.counts[sender]):
-            if found < len(links):
-                links[found] = sender * scene.agents + entry_of(neighbours.members, row + rank)
-            found += 1
+    for row in range(len(positions)):
+        for place in range(len(trajectories.origin)):
+            trajectories.origin[place], trajectories.heading[place] = positions[row, place], headings[row, place]
+        scene.positions_time = np.nan
+        scene.sorted_at = -np.inf
+        for index in range(len(senders)):
+            sender = senders[index]
+            first = find_receivers(block, addresses, neighbours, sender, 0.0)
+            for rank in range(neighbours.counts[sender]):
+                if found < len(links):
+                    node = row * scene.agents + sender
+                    links[found] = node * scene.agents + entry_of(neighbours.members, first + rank)
+                found += 1
     return found
 
 

@@ -14,18 +14,18 @@ from epuck_sim.display.html import element, to_html
 from epuck_sim.errors import ScenarioError
 from epuck_sim.faults import begin_or_end, fault_event
 from epuck_sim.order_parameter import Firing
+from epuck_sim.particles.batch import Recorder, StillSwarm
 from epuck_sim.particles.events import advance, observe, turn_if_next
 from epuck_sim.particles.faults import begin_faults, change_faults, mark_heard, speeds_with_faults
 from epuck_sim.particles.initial_conditions import Rules, draw_differences, initial_speeds, rules_of, start
 from epuck_sim.particles.motion import begin_motion, start_at_present
-from epuck_sim.particles.neighbours import write_links
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
 from epuck_sim.particles.swarm import SCHEDULE_SEED, Arrays, keep_state, state_of
 from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TrialEvent, timed_entries
 from epuck_sim.scenario.loader import load_of_model
-from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
+from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import whole
@@ -38,7 +38,6 @@ UNLIMITED = 2**62  # larger than any count or cycle number
 SHIFTS_ONLY = 50
 """Least size of swarms whose `pulse_links` are only those that shift a phase: if all fire, each receives all pulses."""
 
-FIRST_ROOM = 8  # initial room for links, for each agent; it grows when needed
 NOBODY = np.empty(0, np.int64)  # indices of the agents that fire or receive where none do
 SIDE_IN_RADII = 60  # side of the space of agents, in radii of the disc that is drawn for each
 GLOW = 0.075  # share of a period for which an agent that has fired is drawn lit; a robot's flash lasts as long
@@ -80,6 +79,8 @@ class ParticleSimulation:
     """Entries of the schedule that were carried out, and faults that began and ended, in order."""
     next_change: Moment
     """Nominal period, and the share of it that has passed, when something changes at a time, or `NEVER`."""
+    recorder: Recorder | None = None
+    """Records the cycles of a trial as long as it has room; whoever sets it takes them."""
 
     def __init__(self, scenario: ScenarioLike, seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.
@@ -144,8 +145,7 @@ class ParticleSimulation:
         """Switch to the block of a new swarm with these rules."""
         self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
         self._state = state_of(self._arrays.block)
-        self._still: tuple[Arrays, IntArray] | None = None
-        self._link_room = FIRST_ROOM * self.scenario.agents.count
+        self._still: StillSwarm | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without addresses, which are valid in this process only."""
@@ -185,7 +185,7 @@ class ParticleSimulation:
         state = self._state
         state["limits"][0] = pulses, cycles, *end, max(offset, state["max_offset"].item())
         try:
-            advance(self._arrays.block, self._addresses)
+            (advance if self.recorder is None else self.recorder.advance)(self._arrays.block, self._addresses)
         except Exception as error:  # nothing else in the kernel raises
             phase = float(self._arrays.scene.response.last_phase)
             raise curve_error(self._present.response, phase, error) from error
@@ -252,11 +252,16 @@ class ParticleSimulation:
     def _advance_through(
         self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0
     ) -> None:
-        """Simulate until a limit is reached, as `_advance` does, and make the changes on the way that have a time."""
+        """Simulate until a limit is reached, as `_advance` does, and make the changes on the way that have a time.
+
+        What has been recorded is taken before a change: receivers are looked for by the rules of that time.
+        """
         self._is_changed = False
         while self.next_change <= end:
             self._advance(last_firing_before(self.next_change), pulses, cycles, offset)
-            if self.is_synchronised or self.cycles >= cycles or self._state["pulses"].item() >= pulses:
+            is_recorded = self.recorder is not None and self.recorder.count > 0
+            is_over = self.is_synchronised or self.cycles >= cycles or self._state["pulses"].item() >= pulses
+            if is_recorded or is_over:
                 return
             self._carry_out_timed()
         self._advance(end, pulses, cycles, offset)
@@ -351,7 +356,7 @@ class ParticleSimulation:
     @property
     def time_s(self) -> float:
         """Simulated time in s."""
-        return (self._state["cycle"].item() + self._state["now"].item()) * self.scenario.clocks.period_s
+        return float(self._state["cycle"].item() + self._state["now"].item()) * self.scenario.clocks.period_s
 
     period = _number("cycle", "Number of the present nominal period, from 0.")
 
@@ -389,7 +394,7 @@ class ParticleSimulation:
     @property
     def is_synchronised(self) -> bool:
         """Whether the order parameter reached its threshold at the last event."""
-        return self._state["is_synchronised"].item()
+        return bool(self._state["is_synchronised"].item())
 
     def phases(self) -> FloatArray:
         """Return (agents,) phases at the present time; an agent that has just fired has phase 0."""
@@ -434,31 +439,16 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        return np.sort(self._find_links(self.headings(), np.arange(self.oscillators)))
+        swarm = self._observe()
+        places = swarm.positions_now.reshape(1, -1), swarm.heading.reshape(1, -1)
+        return np.sort(self.still_swarm.links(*places, np.arange(self.oscillators)))
 
-    def _find_links(self, headings: FloatArray, senders: IntArray) -> IntArray:
-        """Return (links,) as `neighbour_links`, in the order of the senders, found in a swarm that stands still."""
-        scenario, agents = self._present, self.oscillators
-        if isinstance(scenario.neighbourhood, RandomAgents):
-            raise ScenarioError(
-                f"{scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
-                "there are neighbours only by position"
-            )
+    @property
+    def still_swarm(self) -> StillSwarm:
+        """A swarm in which those are found who would receive pulses at given places, by the present rules."""
         if self._still is None:
-            stands = {"agents": AgentsSection(count=agents, speed_cm_s=0), "start": StartSection()}
-            rules = rules_of(scenario.model_copy(update=stands))
-            self._still = Arrays(rules.new_block()), rules.addresses
-            begin_motion(self._still[0].block)
-            # neighbours may change until the next instant, unless all agents are neighbours
-            self._still[0].scene.is_cached &= isinstance(scenario.neighbourhood, Everybody)
-        swarm, addresses = self._still
-        swarm.origin[:], swarm.heading[:] = self.positions().T, headings.T
-        links = np.zeros(self._link_room, np.int64)
-        found = write_links(swarm.block, addresses, senders, links)
-        if found > len(links):
-            self._link_room, links = found, np.zeros(found, np.int64)
-            write_links(swarm.block, addresses, senders, links)
-        return links[:found]
+            self._still = StillSwarm(self._present)
+        return self._still
 
     def pulse_links(self) -> IntArray:
         """Return the links of the pulses at the last instant at which agents fired, if no time has passed since.
@@ -471,9 +461,11 @@ class ParticleSimulation:
         if isinstance(self._present.neighbourhood, RandomAgents):
             return np.empty((0, 3), np.int64)
         turns = bool(self.scenario.agents.reorient_on)
-        headings = self._arrays.headings_before.T if turns else self.headings()
+        swarm = self._observe()
+        headings = swarm.headings_before if turns else swarm.heading
         event, agents = self.last_instant(), self.oscillators
-        senders, receivers = np.divmod(self._find_links(headings, event.fired), agents)
+        places = swarm.positions_now.reshape(1, -1), headings.reshape(1, -1)
+        senders, receivers = np.divmod(self.still_swarm.links(*places, event.fired), agents)
         if self.scenario.faults:
             is_heard = np.zeros(len(senders), np.bool_)
             mark_heard(self._arrays.block, self._addresses, senders, receivers, is_heard)

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import MeasureError
-from epuck_sim.measures.measure import CYCLE_METHOD, STRETCH_METHOD, Measure, Parameter, Scalar, Value
+from epuck_sim.measures.measure import BATCH_METHOD, CYCLE_METHOD, STRETCH_METHOD, Measure, Parameter, Scalar, Value
 from epuck_sim.scenario.changes import ScheduleEntry
 from epuck_sim.scenario.scenario import STOP, Condition, Scenario, condition_key
 from epuck_sim.trial.result import Observer, TrialState
@@ -37,6 +38,39 @@ class ConditionWatch:
         self.has_held = self.has_held or self._in_a_row >= self._needed
 
 
+class OneCycle:
+    """A firing of the reference in the form of a batch, in models that take one at a time; see `particles.batch.Batch`.
+
+    What the model's events do not have, no measure of such trials may ask for.
+    """
+
+    def __init__(self, event: Any, state: TrialState, simulation: Any) -> None:
+        self._event, self._simulation = event, simulation
+        self.first, self.time_s = state.cycles, np.array([state.time_s])
+        self.order_parameter = np.array([math.nan if state.order_parameter is None else state.order_parameter])
+
+    @property
+    def phases(self) -> FloatArray:
+        """(1, oscillators) phases from 0 to 1; robots that are no oscillators are left out."""
+        periods = self._simulation.period_ms
+        is_oscillator = ~np.isnan(periods)
+        return np.asarray(self._event.phase_ms[is_oscillator] / periods[is_oscillator])[None]
+
+    @property
+    def positions(self) -> FloatArray:
+        """(1, robots, 2) cm."""
+        return np.array(self._event.poses[None, :, :2])
+
+    @property
+    def sides_cm(self) -> tuple[float, ...]:
+        """Width and height of the arena."""
+        return self._event.arena.width_cm, self._event.arena.height_cm
+
+
+def _tell_one(tell: Observer, simulation: Any, event: Any, state: TrialState) -> None:
+    tell(OneCycle(event, state, simulation), state)
+
+
 class Measuring:
     """The measures of a trial, and what waits for one of them or for a cycle.
 
@@ -50,6 +84,7 @@ class Measuring:
         self.at_events: list[Observer] = []  # update the measures that need every event
         self.at_stretches: list[Observer] = []  # update those that take many steps of robots at once, as a `Stretch`
         self.at_cycles: list[Observer] = []  # update the measures that need every firing of the reference
+        self.at_batches: list[Observer] = []  # update those that take many firings of agents at once, as a `Batch`
         self._values: dict[str, Callable[[], Value]] = {}
         self._watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
         self._entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
@@ -72,8 +107,14 @@ class Measuring:
         event_method = simulation.scenario.event_method
         for method, observers in ((event_method, self.at_events), (CYCLE_METHOD, self.at_cycles)):
             if told_by := measure.told_by(method):
-                tells = self.at_stretches if told_by == STRETCH_METHOD else observers
-                tells.append(partial(_call, measure, origin, getattr(instance, told_by)))
+                tell, tells = partial(_call, measure, origin, getattr(instance, told_by)), observers
+                if told_by == STRETCH_METHOD:
+                    tells = self.at_stretches
+                elif told_by == BATCH_METHOD and hasattr(simulation, "recorder"):
+                    tells = self.at_batches
+                elif told_by == BATCH_METHOD:
+                    tell = partial(_tell_one, tell, simulation)
+                tells.append(tell)
                 observers += [watch for watch in watches if not watch.counts_firings]
         self.at_cycles += [watch for watch in watches if watch.counts_firings]
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 
+from epuck_sim.particles.batch import Recorder
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
@@ -18,8 +19,8 @@ def run_agents(
 
     Without observers, compiled code runs for about `SLICE_S` at a time, which is much quicker. A slice is a number of
     pulses: their cost hardly changes as the swarm synchronises, unlike that of an instant or a period. It also ends at
-    the next firing of the reference if measures need it, and at a firing that an entry of the schedule waits for. A
-    trial that ends at a time ends there exactly.
+    the next firing of the reference if measures need it, when a batch of firings is full that measures take, and at a
+    firing that an entry of the schedule waits for. A trial that ends at a time ends there exactly.
     """
     if simulation.instants:
         raise ValueError(
@@ -35,6 +36,7 @@ def run_agents(
     events = iter(simulation if observers else ())  # compiles what events need, before the clock runs
     began = time.perf_counter()
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
+    simulation.recorder = recorder = Recorder(simulation.scenario) if measuring.at_batches else None
 
     def has_ended() -> bool:
         return simulation.is_synchronised or simulation.cycles >= limit or measuring.is_over()
@@ -52,19 +54,19 @@ def run_agents(
             asked = time.perf_counter()
             # progress shows order parameters, which are measured only at firings of the reference
             is_one_cycle = bool(measuring.at_cycles) or (progress is not None and simulation.order_parameter is None)
-            last_cycle = cycles + 1 if is_one_cycle else min(limit, measuring.next_cycle)
+            most = 1 if is_one_cycle else recorder.room if recorder is not None else limit
+            last_cycle = min(limit, measuring.next_cycle, cycles + most)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
             if took > 2 * SLICE_S:
                 pulses = max(1, pulses // 2)
-            elif took < SLICE_S / 2 and not (is_one_cycle and simulation.cycles > cycles):
+            elif took < SLICE_S / 2 and simulation.cycles < last_cycle:
                 pulses *= 2  # a slice that ended at a firing does not show how long a whole one takes
-        if measuring.at_cycles and simulation.cycles > cycles:
-            event = simulation.last_instant()
-            for observer in measuring.at_cycles:
-                observer(event, simulation)
+        if simulation.cycles > cycles:
+            _tell(measuring, simulation)
         if progress is not None:
             progress(simulation)
+    simulation.recorder = None
     is_early = has_ended()
     if is_timed and not is_early:
         simulation.run_to(end_s)
@@ -83,3 +85,15 @@ def run_agents(
         wall_s=time.perf_counter() - began,
         events=tuple(simulation.events),
     )
+
+
+def _tell(measuring: Measuring, simulation: ParticleSimulation) -> None:
+    """Tell measures of the cycles that were taken."""
+    if simulation.recorder is not None:
+        batch = simulation.recorder.take(simulation)
+        for tell in measuring.at_batches:
+            tell(batch, simulation)
+    if measuring.at_cycles:
+        event = simulation.last_instant()
+        for observer in measuring.at_cycles:
+            observer(event, simulation)

@@ -176,24 +176,33 @@ def test_the_order_of_a_group_is_that_of_its_phases(metric):
     assert series[1:] == [[None] * CYCLES] * 2
 
 
-def told(measure, series):
-    for cycle, order in enumerate(series, 1):
-        measure.cycle(None, SimpleNamespace(order_parameter=order, cycles=cycle))
+def told(measure, *batches):
+    first = 1
+    for orders in batches:
+        measure.batch(SimpleNamespace(order_parameter=np.array(orders, float), first=first), None)
+        first += len(orders)
     return measure.value()
 
 
-@given(st.lists(st.sampled_from([0.2, 0.5, 0.8, 0.95, 1.0]), max_size=12), st.integers(1, 13))
-def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them_and_later_ones_are_above_or_not(series, begin):
+ORDERS = st.lists(st.sampled_from([0.2, 0.5, 0.8, 0.95, 1.0]), min_size=1, max_size=6)
+
+
+@given(st.lists(ORDERS, max_size=4), st.integers(1, 13))
+def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them_and_later_ones_are_above_or_not(batches, begin):
+    series = [order for batch in batches for order in batch]
+
     def reached(threshold):
         return next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None)
 
-    assert told(synchrony.ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), series) == [*map(reached, (0.9, 0.5, 0.9))]
+    assert told(synchrony.ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), *batches) == [
+        *map(reached, (0.9, 0.5, 0.9))
+    ]
     counted = series[begin - 1 :]
     first = next((place for place, order in enumerate(counted) if order >= 0.8), len(series))
     later = counted[first + 1 :]
     below = [order < 0.8 for order in later]
-    assert told(synchrony.BelowThreshold(None, 0.8, begin), series) == (sum(below) / len(below) if later else None)
-    assert told(synchrony.StaysAbove(None, 0.8, begin), series) == (not any(below) if later else None)
+    assert told(synchrony.BelowThreshold(None, 0.8, begin), *batches) == (sum(below) / len(below) if later else None)
+    assert told(synchrony.StaysAbove(None, 0.8, begin), *batches) == (not any(below) if later else None)
 
 
 def test_a_trial_with_further_cycles_says_whether_it_stays_above():
@@ -201,18 +210,19 @@ def test_a_trial_with_further_cycles_says_whether_it_stays_above():
     assert run("stays_above", seed=1, **sections)[1] == (run("below_threshold", seed=1, **sections)[1] == 0)
 
 
-@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=9))
-def test_a_cluster_lives_on_in_one_with_more_than_half_of_both(numbers):
-    before, after = np.array(numbers).T
+@given(st.integers(1, 9).flatmap(lambda n: st.lists(st.tuples(*[st.integers(0, 3)] * n), min_size=1, max_size=4)))
+def test_a_cluster_lives_on_in_one_with_more_than_half_of_both(cycles):
+    numbers = np.array(cycles)
     lived = gone = 0
-    for number in set(before.tolist()):
-        members = set(np.flatnonzero(before == number).tolist())
-        if len(members) < 2:
-            continue
-        later = [set(np.flatnonzero(after == other).tolist()) for other in set(after.tolist())]
-        goes_on = any(2 * len(members & other) > len(members | other) for other in later)
-        lived, gone = lived + goes_on, gone + (not goes_on)
-    assert synchrony.surviving_clusters(before, after) == (lived, gone)
+    for before, after in pairwise(numbers):
+        for number in set(before.tolist()):
+            members = set(np.flatnonzero(before == number).tolist())
+            if len(members) < 2:
+                continue
+            later = [set(np.flatnonzero(after == other).tolist()) for other in set(after.tolist())]
+            goes_on = any(2 * len(members & other) > len(members | other) for other in later)
+            lived, gone = lived + goes_on, gone + (not goes_on)
+    assert synchrony.surviving_clusters(numbers[:-1], numbers[1:]) == (lived, gone)
 
 
 def test_velocities_are_correlated_until_they_turn():

@@ -1,5 +1,7 @@
 """Measures of a trial: what they are told, that they change nothing, how they fail; what changes and ends trials."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from epuck_sim import MeasureError, ParticleSimulation, Simulation, load_scenari
 from epuck_sim.embodied.loop import MOST_STEPS
 from epuck_sim.measures.measure import SHIPPED, find_measure
 from epuck_sim.statistics.statistic import estimate_mean, measure
+from epuck_sim.trial import particles
 from epuck_sim.trial.measuring import as_value
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, TELLTALE, write
@@ -134,6 +137,39 @@ def test_they_find_what_they_find_step_by_step(case: str) -> None:
         found, expected = np.array(value, float), np.array(one_by_one.measures[name], float)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12, err_msg=name)
     assert at_once._replace(measures={}, wall_s=0) == one_by_one._replace(measures={}, wall_s=0)
+
+
+OF_AGENTS = [name for name in SHIPPED if hasattr(find_measure(name).make, "batch")]
+
+AGENT_CASES = {
+    "plain": {},
+    "walks in a cube": {"agents.walk": {"kind": "brownian", "run_s": 20}, "space.dimensions": 3},
+    "cones": {"neighbourhood": {"kind": "cone_of_vision", "angle_deg": 150}, "clocks.jitter": 0.02},
+    "changes": {
+        "schedule": [
+            {"at_s": 310, "set": {"neighbourhood.k": 3, "agents.speed_cm_s": 9}},
+            {"at_s": 333.3, "displace": {"by_cycles": 0.3, "agents": [2]}},
+        ],
+    },
+    "a change at a cycle": {"schedule": [{"at_cycle": 170, "set": {"neighbourhood.k": 3}}]},
+    "ends by a measure": {"stop.when": "degree < 0", "stop.max_cycles": 40},
+}
+
+
+@pytest.mark.parametrize("case", AGENT_CASES)
+def test_many_cycles_at_once_are_as_one_by_one_and_as_those_of_short_slices(case: str, monkeypatch) -> None:
+    names = [name for name in OF_AGENTS if not (name.startswith("perturb") and case == "a change at a cycle")]
+    measures = [{name: {"displacement": 1e-6}} if name.startswith("perturb") else name for name in names]
+    given = {"agents.speed_cm_s": 4.0, "stop": {"order_parameter": None, "max_cycles": 300}, **AGENT_CASES[case]}
+    scenario = load_scenario(
+        {"model": "particles", "measures": measures}, [f"{key}={json.dumps(value)}" for key, value in given.items()]
+    )
+    at_once, one_by_one = (run_trial(simulate(scenario, 3), observers) for observers in ([], [onlooking]))
+    monkeypatch.setattr(particles, "FIRST_SLICE", 1)
+    in_slices = run_trial(simulate(scenario, 3))
+    assert without_wall(at_once) == without_wall(one_by_one) == without_wall(in_slices)
+    assert at_once.cycles >= 40
+    assert len(at_once.measures) == len(names) > 15
 
 
 def test_interpreted_controllers_make_the_same_stretches() -> None:
