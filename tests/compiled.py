@@ -37,7 +37,7 @@ def robots(folder: Path) -> None:
 
 def agents(folder: Path) -> None:
     """Compile what measures, statistics, theory and figures need, and list the fonts."""
-    run_trial(simulate(load_scenario("particles", ["stop.max_cycles=2"], measures=["degree"]), 1))
+    run_trial(simulate(load_scenario("particles", ["stop.max_cycles=2"], measures=["component_count"]), 1))
     scenario = load_scenario("particles", ["stop.max_cycles=30", "trials=6"], ["agents.speed_cm_s=1,20"])
     run_sweep(scenario, folder / "run", pool_here)
     write_report(folder / "run", folder / "page.html")

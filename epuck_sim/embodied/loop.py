@@ -5,7 +5,9 @@ Measures receive such a stretch of steps at once.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -300,32 +302,33 @@ MOST_STEPS = 50
 """Largest number of steps that compiled code takes before Python has its turn, for Ctrl-C and for progress."""
 
 
-class Stretch(NamedTuple):
+@dataclass
+class Stretch:
     """Consecutive steps, in one arena with the same robots; the last of them is the simulation's last step.
 
     The arrays are overwritten by the next stretch: copy what you keep.
     """
 
     first: int  # number of the first step
+    present: BoolArray  # (robots,): whether each robot is in the arena
+    scene: Scene  # the arena and its robots, for observers
     poses: FloatArray  # (steps, robots, 3) cm, cm, rad: x, y, heading
     wheels_cm_s: FloatArray  # (steps, robots, 2) cm/s: left and right wheel as commanded
     ring_on: BoolArray  # (steps, robots): whether the ring is lit
     ring_before: BoolArray  # (steps, robots): whether it was lit before controllers acted, as others see it
     flash_seen: BoolArray  # (steps, robots): whether the robot sees a flash, as `Step.flash_seen`
-    present: BoolArray  # (robots,): whether each robot is in the arena
-    scene: Scene  # the arena and its robots, for observers
 
-    @property
+    @cached_property
     def sightings(self) -> IntArray:
         """(sightings, 3) step from 0, robot that looks, and robot whose lit ring it sees, as `Step.sightings`."""
         return find_sightings(self.scene, self.poses, self.present, self.ring_before)
 
-    @property
+    @cached_property
     def views(self) -> IntArray:
         """(views, 3) step from 0, robot that looks, and robot that is in its view, lit or not."""
         return find_sightings(self.scene, self.poses, self.present)
 
-    @property
+    @cached_property
     def contacts(self) -> IntArray:
         """(contacts, 3) step from 0, robot, and the robot that it touches, or -1, as `Step.contacts`."""
         return find_contacts(self.scene, self.poses)[0]
@@ -397,7 +400,7 @@ class History:
         circles, arena = self._scene.swarm.circles, self._arena
         if arena.first_movable < len(circles):
             circles["x"], circles["y"], circles["radius"] = arena.circles.T
-        return Stretch._make((first, *(each[:steps] for each in self._arrays), self._present, self._scene))
+        return Stretch(first, self._present, self._scene, *(each[:steps] for each in self._arrays))
 
 
 # --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------

@@ -4,7 +4,9 @@ Compiled code takes the cycles and writes down where agents are at each: Python 
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +27,8 @@ MOST_CYCLES, MOST_LINKS = 128, 2**22
 FIRST_ROOM = 8  # initial room for links, for each agent; it grows when needed
 
 
-class Batch(NamedTuple):
+@dataclass
+class Batch:
     """Firings of the reference in a row, with a row for each.
 
     The arrays are overwritten by the next batch: copy what you keep.
@@ -40,7 +43,7 @@ class Batch(NamedTuple):
     sides_cm: tuple[float, ...]  # of the space
     find_links: Callable[[], IntArray]
 
-    @property
+    @cached_property
     def links(self) -> IntArray:
         """(links,) who would receive whose pulse, ascending: (row * agents + sender) * agents + receiver."""
         return self.find_links()
