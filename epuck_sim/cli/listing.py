@@ -63,9 +63,10 @@ def print_descriptions(kinds: Mapping[str, Mapping[str, str]]) -> None:
     width = terminal_width()
     for kind, descriptions in kinds.items():
         print(kind)
+        column = min(max(20, *map(len, descriptions)), (width or 80) // 2)
         for name, description in descriptions.items():
-            line = f"  {name:20} {description}"
-            print(textwrap.fill(line, width, subsequent_indent=" " * 23) if width else line)
+            line = f"  {name:{column}} {description}"
+            print(textwrap.fill(line, width, subsequent_indent=" " * (column + 3)) if width else line)
 
 
 def _describe(kind: Kind, names: Iterable[str], describe: Callable[[Place], str]) -> dict[str, str]:
@@ -107,12 +108,12 @@ def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:
 
 
 def _keys(section: type[ConfigModel], part: str, refused: Sequence[str], above: str = "") -> Iterator[tuple[str, str]]:
-    """Yield each dotted key in a section that has `part`, its docstring, type and default; a kind has its class's."""
+    """Yield each dotted key in a section that has `part`, or `KEY: KIND`, with docstring, type and default."""
     tag, kinds = tagged(section)
     kinds = tuple(kind for kind in kinds if kind not in refused)
     if tag and not kinds:
         return
-    docs = {tag: (section.__doc__ or "").partition("\n")[0], **docstrings(section)}
+    docs = {tag: f"`{kinds[0] if kinds else ''}`: {(section.__doc__ or '').splitlines()[0]}", **docstrings(section)}
     for name, value in section.model_json_schema()["properties"].items():
         classes = section_classes(section.model_fields[name].annotation)
         key, inner = f"{above}{name}", [each for each in classes if each is not MeasureSection]
@@ -120,7 +121,11 @@ def _keys(section: type[ConfigModel], part: str, refused: Sequence[str], above: 
             yield from _keys(each, part, refused, f"{key}{'.N' * (value.get('type') == 'array')}.")
         if name in docs and not inner and part in f".{key}." and key not in refused:
             default = f"; default: {json.dumps(value['default'])}" if "default" in value else ""
-            yield key, f"{docs[name]} ({allowed({**value, 'enum': kinds} if name == tag else value)}{default})"
+            if name != tag:
+                yield key, f"{docs[name]} ({allowed(value)}{default})"
+            for kind, said in re.findall(r"`(\w+)`[^:]*: (.+?)\.?(?=; `|$)", docs[tag]) if name == tag else ():
+                if kind in kinds:
+                    yield f"{key}: {kind}", f"{said} (the default)" if kind == value.get("default") else said
 
 
 @cache

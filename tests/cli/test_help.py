@@ -68,12 +68,17 @@ def test_a_key_is_explained_by_its_ending_or_section() -> None:
 
 def test_kinds_are_explained_and_those_that_a_model_refuses_are_not_listed() -> None:
     of_robots, of_agents = (read("list", "faults")[f"model: {model}"] for model in ("embodied", "particles"))
-    assert of_robots.keys() - of_agents.keys() == {f"faults.N.{key}" for key in ("robots", "jitter", "sensor")}
+    fewer = {f"faults.N.{key}" for key in ("robots", "jitter", "sensor")} | {
+        f"faults.N.kind: {kind}" for kind in NOT_OF_AGENTS
+    }
+    assert of_robots.keys() - of_agents.keys() == fewer
     assert of_agents.keys() - of_robots.keys() == {"faults.N.agents"}
-    assert of_robots["faults.N.kind"].endswith(" A sensor in a file of its own reads 0. (sensor_dead)")
-    listed = (re.findall(r"\(([\w ]+)\)", each["faults.N.kind"]) for each in (of_robots, of_agents))
-    kinds, fewer = (set(" ".join(each).split()) for each in listed)
-    assert kinds - fewer == {*NOT_OF_AGENTS}
+    assert of_robots["faults.N.kind: ring_stuck_on"] == "it stays lit"
+    assert of_robots["faults.N.kind: sensor_dead"] == "A sensor in a file of its own reads 0"
+    (walks,) = read("list", "agents.walk.kind").values()
+    assert walks["agents.walk.kind: straight"] == "no turns (the default)"
+    keys = (re.match(r"  faults[.\w]+(: \w+)? +|\w", line) for line in called("list", "faults").splitlines())
+    assert {key.end() for key in keys} == {1, 35}  # headings, and descriptions in one column
 
 
 def test_shells_complete_names_and_options() -> None:
