@@ -369,6 +369,12 @@ def test_trials_that_are_censored_are_told_from_those_that_are_not(opened) -> No
     assert {censored for *_, censored in rows} > {"30"}
     browser.run("page.hundred()")
     assert "restricted mean" in browser.run("find('histogram').ariaLabel")
+    one = "[{is_synchronised: true, cycles: 9}], {}, colours()"
+    drawn = f"(() => {{ const pen = new SvgPen(500, 220); drawHistogram(pen, {one}); return pen.parts.join() }})()"
+    assert "0.5<" not in browser.run(drawn)  # numbers of trials are whole
+    browser.set_window(360, 900)
+    text = "document.createRange(); text.selectNodeContents(document.querySelector('#table th:last-child'))"
+    assert browser.run(f"{{ const text = {text}; text.getClientRects().length }}") == 1  # a word is not broken
 
 
 WALK = "agents.walk={kind: levy, run_s: 0.5, exponent: 2}"

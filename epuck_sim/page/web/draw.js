@@ -243,7 +243,7 @@ function drawHistogram(pen, results, found, colour) {
   const times = results.filter((each) => each.is_synchronised).map((each) => each.cycles), most = Math.max(...times, 1);
   const width = Math.max(1, Math.ceil(most / Math.min(30, Math.max(8, Math.floor(pen.width / 16))))), bins = new Array(Math.floor(most / width) + 1).fill(0);
   for (const time of times) bins[Math.floor(time / width)] += 1;
-  const axes = { x: [0, width * bins.length], y: [0, Math.max(...bins, 1) * 1.08], xLabel: "T_sync in cycles", yLabel: "trials" };
+  const axes = { x: [0, width * bins.length], y: [0, Math.max(...bins, 4) * 1.08], xLabel: "T_sync in cycles", yLabel: "trials" };
   const { placeX, placeY, low, top } = drawAxes(pen, axes, colour);
   bins.forEach((count, bin) => {
     const [from, to] = [placeX(width * bin) + 0.5, placeX(width * (bin + 1)) - 0.5];
