@@ -207,14 +207,14 @@ def page_title(recorded: Recorded, *, has_oscillators: bool) -> str:
 
 
 def describe_changes(scenario: Scenario) -> str:
-    """Return the values in which a scenario differs from the shipped one of its name, or from its model's defaults.
+    """Return the values, but of things drawn, that differ from the shipped scenario's of this name, or the model's.
 
     >>> describe_changes(load_scenario("thesis", ["robots.0.parameters.speed_cm_s=3", "stop.max_cycles=7"]))
     'with max cycles = 7, V = 3 cm/s'
     """
     name = scenario.name
     known = load_scenario(name if name in builtin_files(ARENAS) else {"model": scenario.model})
-    irrelevant = WITHOUT_EFFECT | {"model", "seed", "sweep"}
+    irrelevant = dict.fromkeys(WITHOUT_EFFECT | {"model", "seed", "sweep"}, True) | {"arena": {"obstacles", "movables"}}
     before, values = (dict(leaves(each.model_dump(mode="json", exclude=irrelevant))) for each in (known, scenario))
     changes = {
         key: f"{value:g}" if isinstance(value, float) else value

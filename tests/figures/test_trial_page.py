@@ -154,7 +154,9 @@ def test_the_order_parameter_is_drawn_at_steps_and_at_firings_with_its_threshold
 def test_the_title_names_the_outcome_and_what_is_not_as_in_the_shipped_scenario(trials) -> None:
     trial = trials["thesis"]
     assert page_title(trial, has_oscillators=True) == f"thesis, seed 0: synchronised after {trial.cycles} cycles"
-    changed = load_scenario("thesis", ["robots.0.parameters.speed_cm_s=3", "stop.max_time_s=1", "trials=7"])
+    pillar = "arena.obstacles=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 5}]"  # which is drawn
+    own = "robots.0.parameters.speed_cm_s=3", "stop.max_time_s=1", "trials=7"
+    changed = load_scenario("thesis", [pillar, *own])
     _, *rest = page_title(trial._replace(scenario=changed), has_oscillators=True).splitlines()
     assert sorted("".join(rest).removeprefix("with ").split(", ")) == ["V = 3 cm/s", "max time = 1 s"]
     mine = changed.model_copy(update={"robots": (changed.robots[0].model_copy(update={"controller": "/me/once.py"}),)})
