@@ -173,14 +173,12 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
     same = [key for key in keys if ends_in(key, name)]
     if same:
         return f"unknown {name!r} here; the full key is {' or '.join(same)}"
-    near = nearest_name(name, known)
     endings = {key.rpartition(".")[2]: key for key in reversed(keys)}
     longer = min((each for each in endings if each.startswith(f"{name}_")), key=len, default=None)
-    if longer is None and near is None:
-        longer = nearest_name(name, endings)
-    if longer is not None and longer not in known:
-        return f"unknown {name!r}, did you mean {longer} ({endings[longer]})?"
-    return f"unknown {name!r}" + (f", did you mean {longer or near!r}?" if longer or near else "")
+    near = longer or nearest_name(name, [*known, *endings])
+    if near is not None and near not in known:
+        return f"unknown {name!r}, did you mean {near} ({endings[near]})?"
+    return f"unknown {name!r}" + (f", did you mean {near!r}?" if near else "")
 
 
 def problems_in(
