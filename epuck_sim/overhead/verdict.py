@@ -118,7 +118,10 @@ class Evidence(NamedTuple):
 
 def objections(evidence: Evidence) -> list[str]:
     """Return the reasons why nothing can be said about T_sync."""
-    found, period_s = _about_robots(evidence), evidence.period_s
+    period_s = evidence.period_s
+    if evidence.span_s[1] - evidence.span_s[0] < period_s:
+        return [f"no whole period of {period_s:.4g} s was seen; check --period-s, or film for longer"]
+    found = _about_robots(evidence)
     one_cm, two_cm = moves_cm(evidence)
     if not evidence.period_is_given and one_cm > 2 * two_cm + 1.0:
         found.append(
@@ -133,8 +136,6 @@ def objections(evidence: Evidence) -> list[str]:
             "flash in turn; robots move too far between flashes to tell; give --period-s or --robots"
         )
     if not found and at_s is None:
-        if evidence.span_s[1] - evidence.span_s[0] < period_s:
-            return [f"no whole period of {period_s:.4g} s was seen; check --period-s, or film for longer"]
         near = synchrony.order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
         if near >= NEAR_ORDER:
             least = math.floor(100 * near) / 100

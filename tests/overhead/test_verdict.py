@@ -298,7 +298,10 @@ def cycles_of(cycle_s: float) -> Evidence:
     (evidence(robots=9), "flashes per period, but there are 9"),
     (evidence([*IN_TURN, 6.5, 6.5]), "the narrow histogram holds 2 flashes, but there are 4 robots; check --robots"),
     (evidence([*IN_TURN, 6.5, 6.5, 6.5]), ""),
-    (evidence()._replace(period_s=9.0, robots=None), "no whole period of 9 s was seen; check --period-s, or film"),
+    *(
+        (evidence()._replace(period_s=9.0, robots=robots), "no whole period of 9 s was seen; check --period-s, or film")
+        for robots in (None, 4, 1)
+    ),
     # what shines is together where rings are not
     (filmed(areas_px=100 * counted(0.5 + np.arange(8).repeat(4), 0.1, TIMES)), "total light is synchronised at 0.6 s"),
     (filmed(areas_px=evidence().counted.areas_px + 5000), ""),  # a lamp
