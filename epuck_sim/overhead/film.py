@@ -17,7 +17,7 @@ from typing import Any
 import av
 import numpy as np
 from av.container import InputContainer, OutputContainer
-from av.error import FFmpegError
+from av.error import FFmpegError, InvalidDataError
 from av.stream import Disposition
 from av.video.frame import PictureType, VideoFrame
 from av.video.reformatter import ColorRange, Colorspace, VideoReformatter
@@ -34,6 +34,11 @@ RESTART_S = 1.0  # a time stamp further back than this shows a clock that restar
 LONGEST_GAP_S = 86_400.0  # a longer gap between time stamps shows a clock that was reset: no camera pauses for a day
 
 WHOLE_PX = 16  # divisor of the widths that FFmpeg converts to separate colours as a whole, without errors at the right
+NO_FILM = (
+    "; allowed: what FFmpeg reads, such as MP4, MKV, AVI or GIF; an MP4 film that was cut off before its recording was "
+    "finished lacks its index (`moov`), without which nothing can be read: record it again, or copy it again if the "
+    "original is whole"
+)
 TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # FFmpeg's, which show text files as films of a terminal
 ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
 """Options to open films whose metadata are not UTF-8; PyAV needs none from version 19 on."""
@@ -52,12 +57,9 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
             "such as http://..."
         ) from error
     except (FFmpegError, OSError, ValueError) as error:
-        raise FilmError(
-            f"{path_or_url}: cannot be read as a film: {getattr(error, 'strerror', None) or error}; allowed: what "
-            "FFmpeg reads, such as MP4, MKV, AVI or GIF; an MP4 film that was cut off before its recording was "
-            "finished lacks its index (`moov`), without which nothing can be read: record it again, or copy it again "
-            "if the original is whole"
-        ) from error
+        hint = NO_FILM if isinstance(error, InvalidDataError) else "; check the address" if is_address else ""
+        why = getattr(error, "strerror", None) or error
+        raise FilmError(f"{path_or_url}: cannot be read as a film: {why}{hint}") from error
     with container:
         yield Film(path_or_url, container, _picture_stream(path_or_url, container))
 
