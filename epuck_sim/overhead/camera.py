@@ -277,7 +277,7 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
     if len(views) < MIN_VIEWS:
         raise FilmError(
             f"{name}: the board is found in {len(views)} different positions; allowed: {MIN_VIEWS} or more; check "
-            "--board (squares across and down), light it evenly, and show it in all parts of the picture and tilted"
+            "--board (squares across and down, not corners), light it evenly, and show it everywhere and tilted"
         )
     try:
         error, matrix, terms, errors_px = _fit_lens(views, size_px, is_fisheye)
