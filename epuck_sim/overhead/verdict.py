@@ -317,7 +317,8 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     numbers = evidence.periods.numbers[evidence.periods.order >= evidence.order_parameter]
     if len(numbers):
         fewest, most = np.quantile(numbers, (0.1, 0.9), method="nearest").tolist()
-        seen = f"{fewest} to {most} flashes are seen in a period of the synchronised swarm"
+        span = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+        seen = f"{span} flashes are seen in a period of the synchronised swarm"
         if evidence.robots and (numbers[0] < evidence.robots or most > evidence.robots):
             found.append(f"{seen}, {numbers[0]} at T_sync, but there are {evidence.robots} robots: check --robots")
         elif evidence.robots is None and fewest < most:

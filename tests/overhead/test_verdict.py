@@ -368,7 +368,7 @@ SHOWN = evidence(robots=None, period_is_given=False)
     (filmed(geometry=make_geometry()._replace(tilt_deg=3.0, knows_floor=False)), "seems to be tilted by 3 degrees"),
     (evidence(MISSED), "some are missed"),
     (evidence(robots=5), "synchronised swarm, 4 at T_sync, but there are 5 robots: check --robots"),
-    (evidence(robots=3), "4 to 4 flashes are seen in a period of the synchronised swarm, 4 at T_sync, but there are 3"),
+    (evidence(robots=3), "4 flashes are seen in a period of the synchronised swarm, 4 at T_sync, but there are 3"),
     (filmed(times_s=np.delete(TIMES, range(30, 36))), "gaps longer than 1.5 times the usual 33.3 ms between frames: 1"),
     (evidence(flash_s=0.04), "frames come every 33.3 ms, too seldom"),
     (evidence(NEARLY), "frames come every 33.3 ms, too seldom"),
