@@ -35,9 +35,8 @@ LONGEST_GAP_S = 86_400.0  # a longer gap between time stamps shows a clock that 
 
 WHOLE_PX = 16  # divisor of the widths that FFmpeg converts to separate colours as a whole, without errors at the right
 NO_FILM = (
-    "; allowed: what FFmpeg reads, such as MP4, MKV, AVI or GIF; an MP4 film that was cut off before its recording was "
-    "finished lacks its index (`moov`), without which nothing can be read: record it again, or copy it again if the "
-    "original is whole"
+    "; allowed: what FFmpeg reads, such as MP4, MKV, AVI or GIF; an MP4 film that was cut off while it was recorded "
+    "lacks its index (`moov`): record it again, or copy it again if the original is whole"
 )
 TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # FFmpeg's, which show text files as films of a terminal
 ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
