@@ -156,7 +156,7 @@ def _about_robots(evidence: Evidence) -> list[str]:
     if robots is not None and not FEWEST_PER_ROBOT <= per_period / robots <= MOST_PER_ROBOT:
         return [
             f"there were {per_period:.1f} flashes per period, but there are {robots} robots: check --robots, "
-            "--period-s, --fps"
+            f"--period-s, --fps{', or whether rings are burnt out or dim' if per_period < robots else ''}"
         ]
     if evidence.sync is None:
         return []

@@ -294,6 +294,7 @@ def cycles_of(cycle_s: float) -> Evidence:
     # coupling shortens cycles, and nothing lengthens them by much
     (cycles_of(0.7), ""), (cycles_of(0.54), ""),
     *((cycles_of(cycle_s), "per period, but there are 4 robots: check --robots") for cycle_s in (0.5, 1.7)),
+    (cycles_of(1.7), "check --robots, --period-s, --fps, or whether rings are burnt out or dim"),
     (evidence(robots=3), "4 rings were lit at once"),
     (evidence(robots=9), "flashes per period, but there are 9"),
     (evidence([*IN_TURN, 6.5, 6.5]), "the narrow histogram holds 2 flashes, but there are 4 robots; check --robots"),
