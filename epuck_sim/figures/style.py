@@ -241,6 +241,7 @@ def set_names(panel: Axes, names: Sequence[str]) -> None:
 
 
 PLAIN = (1e-3, 1e5)  # ends of the range whose numbers are written out; where a panel has others, all are powers of ten
+SHORT = 1.5  # decades up to which powers of ten have factors between them, and plain numbers are better
 
 
 def draw_intervals(
@@ -306,11 +307,12 @@ def format_tick(number: float, *, plain: bool = True) -> str:
 
 
 def _has_plain_numbers(axis: Axis) -> bool:
-    """Return whether all logarithmic axes of the panel of this one have plain numbers."""
+    """Return whether all logarithmic axes of the panel of this one have plain numbers, or this one, if it is short."""
     panel = axis.axes
     assert panel is not None
-    shown = [each for each in (panel.xaxis, panel.yaxis) if each.get_scale() == "log"]
-    return all(is_plain(*sorted(each.get_view_interval())) for each in shown)
+    low, high = sorted(axis.get_view_interval())
+    shown = [axis] if high <= low * 10**SHORT else [panel.xaxis, panel.yaxis]
+    return all(is_plain(*sorted(each.get_view_interval())) for each in shown if each.get_scale() == "log")
 
 
 class _LogLocator(LogLocator):
@@ -320,7 +322,7 @@ class _LogLocator(LogLocator):
 
     def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
         """Return the ticks between two ends."""
-        room = self.axis.get_tick_space() / 3 if _has_plain_numbers(self.axis) else 1.5
+        room = self.axis.get_tick_space() / 3 if _has_plain_numbers(self.axis) else SHORT
         self.set_params(subs=(1, 2, 5) if 0 < vmax <= vmin * 10**room else (1,))
         return super().tick_values(vmin, vmax)
 

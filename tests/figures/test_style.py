@@ -139,6 +139,15 @@ def test_where_all_values_are_whole_so_are_the_ticks(values: list[float], whole:
     looks.mark_wholes(panel.xaxis, np.array(values))  # which has ticks of its own
 
 
+def test_a_short_logarithmic_axis_has_plain_numbers_beside_one_of_powers_of_ten() -> None:
+    panel = Figure().subplots()
+    looks.make_logarithmic(panel, "x", "y")
+    for end, shown in ((20, "2"), (1000, "$2\\cdot10^{0}$")):
+        panel.set(xlim=(1, end), ylim=(10, 1e6))
+        assert panel.xaxis.get_major_formatter()(2) == shown
+        assert panel.yaxis.get_major_formatter()(100) == "$10^{2}$"
+
+
 ENDINGS = (".png", ".svg", ".csv", "-more.csv")
 SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
