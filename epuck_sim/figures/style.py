@@ -224,14 +224,15 @@ def draw_crosses(panel: Axes, x: FloatArray, colour: str, label: str = "") -> No
 
 
 def set_names(panel: Axes, names: Sequence[str]) -> None:
-    """Write names, if there are any, at 0, 1 and so on of the horizontal axis, in lines that have room, or aslant."""
+    """Write names, if any, at 0, 1 and so on of the horizontal axis, aslant or in lines that split no value or unit."""
     if not names:
         return
     figure = panel.get_figure(root=True)
     assert figure is not None
     room_cm = 2.54 * panel.get_window_extent().width / figure.dpi / len(names)
     room = max(1, int(room_cm * LETTERS_PER_CM / rcParams["font.size"]))
-    lines = [textwrap.wrap(name.replace("_", "_ "), room, break_long_words=False) for name in names]
+    kept = [re.sub(r" (?==)|(?<==) |(?<=\d) (?=[^\W\d])", "\N{NO-BREAK SPACE}", name) for name in names]
+    lines = [textwrap.wrap(name.replace("_", "_ "), room, break_long_words=False) for name in kept]
     texts = ["\n".join(each).replace("_ ", "_") for each in lines]
     looks: dict[str, Any] = {}
     if max(len(line) for each in lines for line in each) > room:

@@ -148,6 +148,13 @@ def test_a_short_logarithmic_axis_has_plain_numbers_beside_one_of_powers_of_ten(
         assert panel.yaxis.get_major_formatter()(100) == "$10^{2}$"
 
 
+def test_names_of_places_are_split_neither_within_a_value_nor_before_a_unit() -> None:
+    panel = Figure(figsize=(3, 3)).subplots()
+    looks.set_names(panel, ["range, R = 40 cm", "nearest, K = 1", "all"])
+    shown = [text.get_text().replace("\N{NO-BREAK SPACE}", " ") for text in panel.get_xticklabels()]
+    assert shown == ["range,\nR = 40 cm", "nearest,\nK = 1", "all"]
+
+
 ENDINGS = (".png", ".svg", ".csv", "-more.csv")
 SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
