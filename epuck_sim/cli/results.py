@@ -52,13 +52,15 @@ def summarize(
     from epuck_sim.cli.tables import show
     from epuck_sim.runs.reader import each_point, read_points
     from epuck_sim.statistics.curves import has_series, series_table, summarize_series
+    from epuck_sim.statistics.statistic import measure_unit, quantity
     from epuck_sim.statistics.statistic import summarize as statistics
 
     reject_first(options.both(as_json, as_csv))
     points = read_points(folder, of, where) if of else None
     if points and any(map(has_series, points)):
         series = summarize_series(points)
-        table, found = series_table(f"{folder}: {of}", series), [each.record() for each in series]
+        title = f"{folder}: {quantity(of, measure_unit(points[0]) or '')}"
+        table, found = series_table(title, series), [each.record() for each in series]
     else:
         summaries = statistics(points or each_point(folder, of, where))
         table, found = summaries.table(str(folder)), [each.record() for each in summaries]

@@ -37,6 +37,7 @@ class TrialPlan(NamedTuple):
     over_all: int | None
     """Trials per point that show it over all points together, if all differ alike; None where that cannot be said."""
     of: str | None  # name of the measure; None for T_sync
+    unit: str  # unit of its values; empty if they have none
     is_of_shares: bool  # whether the measure is a truth value, so that shares are compared
 
     def table(self, name: str) -> Table:
@@ -58,7 +59,7 @@ class TrialPlan(NamedTuple):
         notes = [said]
         if self.over_all is not None:
             notes.append(f"Over all points together, if all differ alike: {self.over_all} at each.")
-        return Table(f"{name}: {quantity(self.of)}", rows, notes, headings)
+        return Table(f"{name}: {quantity(self.of, self.unit)}", rows, notes, headings)
 
 
 def plan_trials(points: Sequence[PointTrials], difference: float, power: float) -> TrialPlan:
@@ -85,7 +86,7 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     # relative differences of means of both signs have no common direction
     is_one_sign = len({mean > 0 for _, mean in scatter}) == 1 or is_of_shares
     over_all = needed([scale for scale, _ in scatter], difference, power) if scatter and is_one_sign else None
-    return TrialPlan(difference, power, planned, over_all, points[0].of, is_of_shares)
+    return TrialPlan(difference, power, planned, over_all, points[0].of, measured[0].unit, is_of_shares)
 
 
 def trials_needed(spreads: Sequence[float], difference: float, power: float = POWER) -> int:

@@ -47,7 +47,7 @@ LAWS = {
 
 def folder_of(here, name, trials=25, shift=0):
     """Make a run folder with a measure, whose values follow the law of its name."""
-    path = write(here / "mine.py", f"def {name}(simulation): return 0\n")
+    path = write(here / "mine.py", f"UNIT = 'cm'\ndef {name}(simulation): return 0\n")
     random = np.random.default_rng(3 + shift)
     scenario = sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)], figure={"y": COUNT})
     folder = here / f"{name}{shift}"
@@ -94,7 +94,8 @@ def test_series_are_summarised_and_drawn_over_the_cycles(here):
     assert found[0]["cycle"] == [1, 2, 3, 4, 5, 6]
     assert found[0]["trials"][:3] == [25, 25, 25]
     assert found[0]["trials"][5] < 25
-    assert "those that reach the cycle" in called("summarize", folder, "--of", "course")
+    printed = called("summarize", folder, "--of", "course")
+    assert all(said in printed for said in ("course (cm) at cycles", "those that reach the cycle"))
     plotted = call("plot", folder, "--of", "course", "--width-cm", 12, "--to", "course")
     assert (plotted.exit_code, plotted.stderr) == (0, "note: no bands where fewer than 5 trials have a value\n")
     drawn = rows(here / "course.csv")
@@ -104,10 +105,10 @@ def test_series_are_summarised_and_drawn_over_the_cycles(here):
 
 def test_plan_says_how_many_trials_show_a_difference_of_a_measure(here):
     numbers = "plan", folder_of(here, "number"), "--of", "number", "--difference", 5
-    assert f"{numbers[1]}: number" in " ".join(called(*numbers).split())
+    assert f"{numbers[1]}: number (cm)" in " ".join(called(*numbers).split())
     assert "a difference of 5 % in 80 % of all cases" in called(*numbers)
     found = read(*numbers)
-    assert (found["of"], found["is_of_shares"], len(found["points"])) == ("number", False, 14)
+    assert (found["of"], found["unit"], found["is_of_shares"], len(found["points"])) == ("number", "cm", False, 14)
     truths = "plan", folder_of(here, "truth", trials=40), "--of", "truth"
     assert "a difference of 20 percentage points in 80 % of all cases" in called(*truths)
     assert all(point["trials"] > 20 and point["spread"] is None for point in read(*truths)["points"])
