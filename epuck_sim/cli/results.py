@@ -32,9 +32,17 @@ def export_results(
     """Write the results of a sweep as one table."""
     from epuck_sim.runs.export import export
 
-    failed = export(folder, to)
-    if failed:
-        typer.echo(f"left out: {counted(failed, 'trial')} that failed; see: epuck-sim status {folder}", err=True)
+    export(folder, to)
+    _name_failed([folder])
+
+
+def _name_failed(folders: list[Path]) -> None:
+    """Say on stderr how many trials of each folder have failed, and are left out."""
+    from epuck_sim.runs.reader import count_failed
+
+    for folder in dict.fromkeys(folders):
+        if failed := count_failed(folder):
+            print_stderr(f"left out: {counted(failed, 'trial')} that failed; see: epuck-sim status {folder}")
 
 
 @results.command()
@@ -65,6 +73,7 @@ def summarize(
         summaries = statistics(points or each_point(folder, of, where))
         table, found = summaries.table(str(folder)), [each.record() for each in summaries]
     show([table], found, as_json=as_json, as_csv=as_csv)
+    _name_failed([folder])
 
 
 @results.command()
@@ -109,6 +118,7 @@ def fit(
         tables = fitting.fit_tables(curves, laws)
         found = {"curves": [curve.record() for curve in curves], "laws": laws}
     show(tables, found, as_json=as_json, as_csv=as_csv)
+    _name_failed(folders)
 
 
 @results.command()
@@ -135,16 +145,14 @@ def compare(
     from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
 
     names, places = [*map(str, folders)], [folder.resolve() for folder in folders]
+    twice = [name for name, place in zip(names, places, strict=True) if places.count(place) > 1]
     reject_first(
         options.both(as_json, as_csv),
         (bool(axis and points), "--axis is for one folder, --points for several: give one of them"),
         (bool(points and where), "--points names what is compared; leave --where out"),
         (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
         ((len(folders) == 1) == (not axis), "give two or more run folders, or one and --axis KEY=A,B"),
-        *(
-            (not points and places.count(place) > 1, f"{name} is given twice; allowed: other folders")
-            for name, place in zip(names, places, strict=True)
-        ),
+        *((not points, f"{name} is given twice; allowed: other folders") for name in twice),
     )
     read = [read_points(folder, of, where) for folder in folders]
     if axis:
@@ -162,6 +170,7 @@ def compare(
         compared = compare_samples(samples, with_first=with_first)
     found = compared[0] if len(samples.names) == 2 else compared
     show(comparison_tables(compared), found, as_json=as_json, as_csv=as_csv)
+    _name_failed(folders)
 
 
 @results.command(cls=options.FoldedCommand)
@@ -242,6 +251,7 @@ def plot(
         others = "".join(f"-with-{folder.resolve().name}" for folder in results[1:])
         place = target or Target(results[0] / f"{stem}{others}")
         files = save_figure(place, drawn.draw_figure, drawn.tables, drawn.caption)
+        _name_failed(results)
         for note in drawn.notes:
             typer.echo(f"note: {note}", err=True)
     else:
@@ -316,16 +326,12 @@ def plan(
 
     folder = Path(sweep)
     is_folder = (folder / DATABASE).is_file()
+    of_trials = ("--difference", difference), ("--of", of), ("--power", power)
+    needs = "needs trials: give a run folder, as `run --trials 20 --out FOLDER` makes it"
     reject_first(
         (is_folder and bool(settings or axes or quick), "--set, --sweep and --quick are for scenarios"),
         (is_folder and seconds is not None, "--seconds is for scenarios; the trials of a run folder are timed"),
-        *(
-            (
-                not is_folder and given is not None,
-                f"{name} needs trials: give a run folder, as `run --trials 20 --out FOLDER` makes it",
-            )
-            for name, given in (("--difference", difference), ("--of", of), ("--power", power))
-        ),
+        *((not is_folder and given is not None, f"{name} {needs}") for name, given in of_trials),
     )
     processes, planned = workers or available_cores(), None
     if is_folder:

@@ -10,7 +10,7 @@ from pyarrow import csv, parquet
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import Value
 from epuck_sim.runs.database import RESULT, as_column, reading
-from epuck_sim.runs.reader import BLOCK, measures_in
+from epuck_sim.runs.reader import BLOCK, count_failed, measures_in
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -40,9 +40,7 @@ def export(folder: Path, target: Path) -> int:
     table = read_table(folder, is_text=target.suffix == ".csv")
     with atomic_write(target) as part, part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
         WRITERS[target.suffix](table, file)
-    with reading(folder) as connection:
-        (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
-    return int(failed)
+    return count_failed(folder)
 
 
 def read_table(folder: Path, *, is_text: bool = False) -> Any:

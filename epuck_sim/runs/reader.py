@@ -227,6 +227,12 @@ def read_finished(connection: sqlite3.Connection, measured: bool = False) -> Fin
     return FinishedTrials((number, read_numbers(text)) for number, text in rows)
 
 
+def count_failed(folder: Path) -> int:
+    """Return how many trials of a run folder have failed, and have no result."""
+    with reading(folder) as connection:
+        return int(connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()[0])
+
+
 class Failure(NamedTuple):
     """A trial that failed."""
 

@@ -1,5 +1,6 @@
 """The commands that read run folders: what they print and write, and how they end where something is wrong."""
 
+import json
 import os
 from functools import partial
 from pathlib import Path
@@ -38,7 +39,8 @@ def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_on
     target = tmp_path / f"results{ending}"
     result = call("export", made, "--to", target)
     assert (result.exit_code, result.stdout) == (0, "")
-    assert result.stderr == f"left out: 3 trials that failed; see: epuck-sim status {made}\n"
+    others = [call(*each).stderr for each in (("summarize", made), ("compare", made, "--axis", f"{COUPLING}=0.1,0.2"))]
+    assert [result.stderr, *others] == 3 * [f"left out: 3 trials that failed; see: epuck-sim status {made}\n"]
     table = rows(target) if ending == ".csv" else pq.read_table(target).to_pylist()
     assert len(table) == 97 * 25
     assert [*table[0]][:4] == [COUPLING, SPEED, "seed", "t_sync_cycles"]
@@ -65,14 +67,12 @@ def test_options_of_the_figure_are_those_of_the_section(small, figures_noted, tm
 
 def test_fit_of_several_folders_prints_them_all_and_names_the_statistic(made, tmp_path) -> None:
     other = store(tmp_path / "other", sweep({COUNT: [10], SPEED: MANY_SPEEDS}, trials=100), bumpy)
-    found = read("fit", made, other, "--statistic", "weibull-mean")
+    found = json.loads(call("fit", made, other, "--statistic", "weibull-mean", "--json").stdout)
     assert [curve["statistic"] for curve in found["curves"]] == [["Weibull mean"]] * 3
     assert [curve["run"] for curve in found["curves"]] == [str(made), str(made), str(other)]
     assert [each["curves"] for each in found["laws"]] == [3]
-    stdout = called("fit", made, other, "--statistic", "median")
-    assert "T_m and T_p: median." in stdout
-    assert "Scaling laws of 3 curves" in stdout
-    assert "coupling" in stdout
+    stdout = call("fit", made, other, "--statistic", "median").stdout
+    assert all(said in stdout for said in ("T_m and T_p: median.", "Scaling laws of 3 curves", "coupling"))
 
 
 def test_fit_of_powers_prints_exponents_of_t_sync_or_a_measure(tmp_path) -> None:
