@@ -250,7 +250,7 @@ def load_python_file(place: Place, error: type[EpuckSimError], more_folders: Seq
     except KeyboardInterrupt:
         raise
     except BaseException as raised:  # whatever a user's file may raise
-        where = line_of_error(raised, [path]) or path
+        where = line_of_error(raised, importer.sources) or path
         raise error(f"{where}: cannot be loaded: {describe_error(raised)}") from raised
     finally:
         sys.meta_path.remove(importer)
@@ -360,9 +360,10 @@ def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
     """Return the record type with these fields, name -> type or (type, shape); truth values are kept as 0 and 1."""
     columns: list[tuple[Any, ...]] = []
     for name, field in fields.items():
-        kind, *shape = field if isinstance(field, tuple) else (field,)
-        if kind not in (bool, int, float):
-            raise ValueError(f"{name!r} is {field!r}; allowed: int, float, bool, or one of them and a shape")
+        kind, *shape = field if isinstance(field, tuple) and field else (field,)
+        if kind not in (bool, int, float) or len(shape) > 1:
+            allowed = "int, float, bool, or one of them and a shape, as in (float, 3) or (float, (2, 3))"
+            raise ValueError(f"{name!r} is {field!r}; allowed: {allowed}")
         if not isinstance(name, str) or not name.isidentifier() or hasattr(np.recarray, name):
             raise ValueError(f"{name!r} is not a name that a record can have, or numpy needs it; choose another")
         columns.append((name, np.float64 if kind is float else np.int64, *shape))

@@ -130,7 +130,7 @@ def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: st
     if place is None:
         return f"{next(iter(sources))}: cannot be compiled{instead}: {reason}"
     file, line = place
-    code = sources[file].decode().splitlines()[line - 1].strip()
+    code = sources[file].decode(errors="replace").splitlines()[line - 1].strip()
     return f"{file}:{line}: cannot be compiled{instead}: {reason}\n    {code}"
 
 
