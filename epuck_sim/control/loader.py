@@ -51,9 +51,9 @@ def find_controller(name: str, folder: Path | None = None) -> Controller:
     return _load(CONTROLLER.locate(name, folder))
 
 
-def load_controller(path: Path) -> Controller:
+def load_controller(path: str | Path) -> Controller:
     """Return the controller that a file describes, read again only when it, or a file that it imports, has changed."""
-    return _load(CONTROLLER.at(path))
+    return _load(CONTROLLER.at(Path(path)))
 
 
 @kept

@@ -397,8 +397,8 @@ class Simulation:
         self._note("set_parameters", group, **values)
 
     def _group(self, number: int) -> GroupControllers:
-        if not 0 <= number < len(self._groups):
-            raise ValueError(f"group is {number}; allowed: 0 to {len(self._groups) - 1}")
+        if number not in range(len(self._groups)):
+            raise ValueError(f"group is {number!r}; allowed: 0 to {len(self._groups) - 1}")
         return self._groups[number]
 
     def _set_parameters(self, group: int, values: Mapping[str, Value], origin: str) -> None:
@@ -461,7 +461,7 @@ class Simulation:
 
         Raises:
             EpuckSimError: The controller cannot be compiled, raises, or does not fit; then the old one stays in use.
-            ValueError: There is no such group.
+            ValueError: There is no such group, or what is given is no controller.
         """
         return self.replace_controllers([group], controller)[0]
 

@@ -316,6 +316,7 @@ def test_changed_parameters_act_from_the_next_step_on_reset_takes_them_back_and_
         (0, {"sped_cm_s": 1.0}, ScenarioError, "speed_cm_s"),
         (0, {"period_s": 0.1}, ScenarioError, "longer than a control step"),
         (2, {"speed_cm_s": 1.0}, ValueError, "group is 2; allowed: 0 to 1"),
+        ("firefly", {"speed_cm_s": 1.0}, ValueError, "group is 'firefly'; allowed: 0 to 1"),
     ):
         with pytest.raises(kind, match=message):
             simulation.set_parameters(group, **values)

@@ -40,6 +40,8 @@ class Replaced(NamedTuple):
 
 def check_alike(old: Controller, new: Controller) -> None:
     """Raise ControllerError if controllers differ in `EXTERNAL`, or in being oscillators: a trial relies on both."""
+    if not isinstance(new, Controller):
+        raise ValueError(f"controller is {new!r}; allowed: what `control.loader.load_controller(path)` returns")  # noqa: TRY004
     if old.external != new.external:
         raise ControllerError(f"{new.path}: EXTERNAL has changed from {old.external} to {new.external}: run again")
     if old.is_oscillator != new.is_oscillator:

@@ -79,7 +79,9 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
     with pytest.raises(ValueError, match="a controller was replaced, so no snapshot: scenario and seed make another"):
         simulation.snapshot()
     with pytest.raises(ValueError, match="group is -1; allowed: 0 to 1"):
-        simulation.replace_controller(-1, load_controller(path))
+        simulation.replace_controller(-1, load_controller(str(path)))
+    with pytest.raises(ValueError, match="controller is 'firefly'; allowed: what `control"):
+        simulation.replace_controller(0, "firefly")
 
 
 def test_a_fault_goes_on_in_robots_that_get_another_controller(tmp_path) -> None:
