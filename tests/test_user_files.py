@@ -221,7 +221,7 @@ def test_a_broken_file_of_a_package_is_refused_with_its_line_where_it_is_used(si
     path = install(site, "night", "controllers", "dark", "night.dark", "\n1 / 0\n")
     assert f"{path}:2: cannot be loaded: ZeroDivisionError" in refused("run", "pair", "--controller", "dark")
     write(path, "def step(:\n")
-    assert "SyntaxError" in json.loads(called("list", "--json"))["controllers"]["dark"]
+    assert "(dark.py, line 1)" in json.loads(called("list", "--json"))["controllers"]["dark"]
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site):

@@ -89,8 +89,8 @@ def _of_yaml(place: Place) -> str:
 
 
 def _of_python(place: Place) -> str:
-    source = (place.path or Path()).read_text(encoding="utf-8")
-    return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
+    path = place.path or Path()
+    return (ast.get_docstring(ast.parse(path.read_bytes(), path.name)) or "").partition("\n")[0]
 
 
 def _of_controller(place: Place) -> str:
