@@ -113,7 +113,8 @@ def test_cases_have_every_word_that_a_scenario_can_choose(kind: str, model: type
     dumps = [golden.case(kind, name).model_dump() for name in golden.CASES[kind]]
     held = {pair for dump in dumps for pair in chosen(dump)}
     refused = {("kind", each) for each in NOT_OF_AGENTS if kind == "agents"}
-    assert set(choices(model.model_json_schema())) - held == refused
+    missing = set(choices(model.model_json_schema())) - held
+    assert missing == refused, "give tests/golden_cases.yaml a case with each; then python -m tests.golden"
     curves = {dump["response"]["curve"] for dump in dumps if kind == "agents"}
     assert kind == "robots" or set(SHIPPED) < curves
 
