@@ -63,6 +63,8 @@ def _with_room(write: Callable[..., int], *arrays: Any) -> Any:
 
 # --- who sees whom --------------------------------------------------------------------------------------
 
+MANY_SEEN = 16  # number of robots in view for which there is room at first: hardly any robot sees more on average
+
 
 def find_sightings(
     scene: Scene, poses: FloatArray, present: BoolArray | None = None, listed: BoolArray | None = None
@@ -80,7 +82,7 @@ def find_sightings(
     for number, group in enumerate(scene.groups):
         if group.signal.kind != "radio":
             write = write_seen if group.signal.kind == "camera" else write_perceived
-            room = 2 * len(poses) * group.count  # most robots see no more than two
+            room = min(poses.shape[1], MANY_SEEN) * len(poses) * group.count
             parts += _with_room(partial(write, scene.block, number, poses, listed), np.empty((room, 3), np.int64))
     found: IntArray = np.concatenate(parts)
     if len(scene.groups) > 1:

@@ -33,6 +33,19 @@ class Cycles:
         return self.seen
 """
 
+BATCHES = """
+class Batches:
+    def __init__(self, simulation):
+        self.seen = []
+
+    def batch(self, batch, state):
+        for row, (time_s, order) in enumerate(zip(batch.time_s, batch.order_parameter)):
+            self.seen += [time_s, time_s, batch.first + row, order]
+
+    def value(self):
+        return self.seen
+"""
+
 
 def measured(scenario, measures, seed=3, observers=(), settings=SHORT):
     loaded = load_scenario(scenario, settings, measures=measures)
@@ -58,6 +71,8 @@ def test_cycles_are_the_same_whether_or_not_every_event_is_seen(scenario, tmp_pa
     slow = measured(scenario, [str(cycles), str(steps)])
     watched = measured(scenario, [str(cycles)], observers=[onlooking])
     assert fast.measures["Cycles"] == slow.measures["Cycles"] == watched.measures["Cycles"]
+    batches = measured(scenario, [str(write(tmp_path / "batches.py", BATCHES))])
+    assert batches.measures["Batches"] == fast.measures["Cycles"]
     assert len(fast.measures["Cycles"]) == 4 * fast.cycles
     assert fast.measures["Cycles"][-1] == fast.order_parameter
     assert without_measures(slow) == without_measures(fast)
