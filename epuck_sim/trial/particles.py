@@ -34,9 +34,11 @@ def run_agents(
     periods, share = divmod(end_s / period_s, 1.0)
     end = (int(periods), share) if is_timed else (longest, 0.0)
     events = iter(simulation if observers else ())  # compiles what events need, before the clock runs
+    recorder = simulation.recorder = Recorder(simulation.scenario) if measuring.at_batches else None
+    if recorder is not None:
+        simulation.run(0)  # compiles what it needs
     began = time.perf_counter()
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
-    simulation.recorder = recorder = Recorder(simulation.scenario) if measuring.at_batches else None
 
     def has_ended() -> bool:
         return simulation.is_synchronised or simulation.cycles >= limit or measuring.is_over()
