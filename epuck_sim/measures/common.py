@@ -90,11 +90,13 @@ def allowed(**rules: Rule) -> Callable[[SimpleNamespace], None]:
 
 
 def check_sight(scenario: Any, _: Any) -> None:
-    """Raise ValueError for robots that receive flashes by radio, as observers only find out who sees whom."""
+    """Raise ValueError where observers cannot find out who receives from whom: by radio, or drawn at random."""
     groups = scenario.robots if scenario.model == "embodied" else ()
     for number, group in enumerate(groups):
         if group.signal.kind == "radio":
             raise ValueError(f"robots.{number}.signal.kind is 'radio'; allowed where sight is measured: any other")
+    if scenario.model == "particles" and scenario.neighbourhood.kind == "random":
+        raise ValueError("neighbourhood.kind is 'random'; allowed where receivers are measured: any other")
 
 
 def rows_of_steps(found: IntArray, stretch: Any) -> IntArray:

@@ -42,8 +42,6 @@ class _Talk(Series):
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
         check_sight(scenario, _)
-        if scenario.model == "particles" and scenario.neighbourhood.kind == "random":
-            raise ValueError("neighbourhood.kind is 'random'; allowed with words: any other, as receivers are unknown")
         if scenario.model == "particles" and scenario.population >= SHIFTS_ONLY:
             raise ValueError(f"agents.count is {scenario.population}; allowed with words: below {SHIFTS_ONLY}")
 
