@@ -57,6 +57,7 @@ def check_robots(scenario: EmbodiedScenario) -> None:
         (unfit, "robots.controller", commanded),
         (scenario.arena.movables, "arena.movables", "pages have nothing that can be pushed"),
         (scenario.members_change, "robots.present", "all robots of a page are present all the time"),
+        (scenario.stop.metric not in ("complex", "reference"), "stop.metric", "pages know complex and reference"),
     )
 
 

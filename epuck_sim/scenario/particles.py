@@ -360,6 +360,7 @@ class ParticleStop(StopSection):
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 1 - 1e-9
     """Threshold of the order parameter; null: trials do not end with synchrony."""
+    metric: Literal["complex", "reference"] = "complex"  # robots may have others: these are all that kernels know
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10**7
     reference: Annotated[WholeNumber, Field(ge=0)] = 0
     """Number of the agent whose firings are counted, from 0."""

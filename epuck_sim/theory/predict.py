@@ -224,7 +224,7 @@ def _left_out(scenario: Scenario) -> tuple[str, ...]:
             notes.append(f"All robots are treated as in the first group; groups differ in {comma_list(differing)}.")
     elif isinstance(scenario, ParticleScenario) and scenario.start != StartSection():
         notes.append("start is left out: places and phases are random.")
-    if scenario.stop.metric == "reference":
+    if scenario.stop.metric != "complex":
         notes.append("stop.metric is left out: the order parameter is the complex one.")
     assert isinstance(scenario, EmbodiedScenario | ParticleScenario)
     if scenario.faults:

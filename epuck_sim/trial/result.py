@@ -80,6 +80,8 @@ def _of_random_phases(oscillators: int, metric: str) -> tuple[float, float]:
     """
     if metric == "reference":  # the reference's own phase is 0
         return 1 / oscillators, math.sqrt((oscillators - 1) / 2) / oscillators
+    if metric != "complex":
+        raise ValueError(f"metric is {metric!r}; allowed: complex or reference, whose order of random phases is known")
     mean = math.sqrt(math.pi / (4 * oscillators)) * (1 + 1 / (16 * oscillators))
     return mean, math.sqrt(1 / oscillators - mean * mean)
 

@@ -16,10 +16,12 @@ import epuck_sim
 from epuck_sim import ParticleSimulation, Scenario, ScenarioError, Simulation, load_scenario, points, run_trial
 from epuck_sim.errors import StoreError
 from epuck_sim.order_parameter import METRICS, Firing
+from epuck_sim.page.robots import check_robots
 from epuck_sim.page.writer import write_page
 from epuck_sim.runs.compatibility import check_same_sweep, stored_point
 from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES, write_scenario
+from epuck_sim.scenario.particles import ParticleStop
 from epuck_sim.scenario.scenario import StopSection
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.sweep.scheduler import local_pool
@@ -155,6 +157,16 @@ def test_the_order_of_random_phases_is_that_of_phases_drawn_at_random(metric: st
     mean, deviation = _of_random_phases(oscillators, metric)
     assert mean == pytest.approx(orders.mean(), abs=0.02 * orders.std() + 0.016 * mean)
     assert deviation == pytest.approx(orders.std(), rel=0.08)
+
+
+def test_a_new_measure_of_synchrony_is_refused_where_it_is_not_known_instead_of_taken_for_the_complex_one() -> None:
+    assert "metric" in ParticleStop.__annotations__  # what is added for robots is not allowed for agents, too
+    robots = load_scenario("thesis")
+    robots = robots.model_copy(update={"stop": robots.stop.model_copy(update={"metric": "median"})})
+    with pytest.raises(ScenarioError, match=r"thesis: stop\.metric: pages know complex and reference"):
+        check_robots(robots)
+    with pytest.raises(ValueError, match="metric is 'median'; allowed: complex or reference"):
+        is_hopeless([0.5], 10, "median")
 
 
 def test_what_comes_closer_to_synchrony_is_not_hopeless_and_what_stands_still_is() -> None:
