@@ -159,11 +159,15 @@ def statistic_name(statistic: Statistic, is_censored: bool, *, is_share: bool = 
     >>> statistic_name(Statistic.MEAN, False), statistic_name(Statistic.MEAN, True)
     ('mean', 'restricted mean')
     """
-    if is_share:
-        return "share"
-    if statistic == Statistic.MEAN:
-        return "restricted mean" if is_censored else "mean"
-    return "median" if statistic == Statistic.MEDIAN else "Weibull mean"
+    mean = "restricted mean" if is_censored else "mean"
+    names = {Statistic.MEAN: mean, Statistic.MEDIAN: "median", Statistic.WEIBULL_MEAN: "Weibull mean"}
+    if statistic not in names:
+        raise _unknown(statistic)
+    return "share" if is_share else names[statistic]
+
+
+def _unknown(statistic: object) -> EpuckSimError:
+    return EpuckSimError(f"statistic is {statistic!r}; allowed: {comma_list(Statistic)}")
 
 
 def check_statistic(measured: Measured, statistic: Statistic) -> None:
@@ -188,8 +192,10 @@ def estimate(measured: Measured, statistic: Statistic, resampled: FloatArray | N
         found = estimate_mean(measured)
     elif statistic == Statistic.MEDIAN:
         found = estimate_median(measured)
-    else:
+    elif statistic == Statistic.WEIBULL_MEAN:
         found = estimate_weibull_mean(measured, resampled)
+    else:
+        raise _unknown(statistic)
     return measured.described(found, name)
 
 
@@ -201,6 +207,8 @@ def resample(measured: Measured, statistic: Statistic) -> FloatArray:
         return resample_means(measured, RESAMPLES)
     if statistic == Statistic.WEIBULL_MEAN:
         return survival.weibull_resamples(measured.values, measured.observed, RESAMPLES, measured.seed)
+    if statistic != Statistic.MEDIAN:
+        raise _unknown(statistic)
     shift = _shift(measured)
     curves = survival.resampled_curves(measured.values - shift, measured.observed, RESAMPLES, measured.seed)
     return np.concatenate([survival.medians(block) for block in curves]) + shift

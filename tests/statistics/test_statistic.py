@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuck_sim import StoreError, points, read_points
+from epuck_sim import EpuckSimError, StoreError, points, read_points
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.statistics import Statistic, curves
 from epuck_sim.statistics.comparison import compare, match_values
@@ -90,6 +90,12 @@ def test_few_trials_have_an_estimate_and_no_interval(statistic: Statistic, trial
     found = estimate(measured([30, 40, 60, 75][:trials]), statistic)
     assert not found.has_interval
     assert 30 <= found.value <= 75
+
+
+@pytest.mark.parametrize("use", [estimate, resample])
+def test_a_statistic_that_is_not_known_is_refused_instead_of_taken_for_another(use) -> None:
+    with pytest.raises(EpuckSimError, match="statistic is 'mode'; allowed: mean, median, weibull-mean"):
+        use(measured([1, 2, 3]), "mode")
 
 
 @pytest.mark.parametrize("limit", [math.inf, 120])
