@@ -148,6 +148,9 @@ def test_a_curve_a_reward_and_claims_may_come_from_packages_and_a_file_without_a
     for text, place in (("", ""), ("\nreward = 3", ":2")):
         with pytest.raises(ScenarioError, match=f"mine.py{place}: a reward needs a function reward"):
             find_reward(str(write(tmp_path / "mine.py", text)))
+    drawn = write(tmp_path / "mine.py", "import numpy as np\ndef reward(situation):\n    return np.random.rand()")
+    with pytest.raises(ScenarioError, match="mine.py:3: calls np.random.rand, whose numbers ignore the trial's seed"):
+        find_reward(str(drawn))
 
 
 @pytest.mark.parametrize("file", ["dark.py", "dark/__init__.py", "deep/dark.py", "deep/dark/__init__.py"])

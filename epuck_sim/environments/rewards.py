@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.control.names import check_draws
 from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import order_parameter
 from epuck_sim.user_files import Kind, load_python_file
@@ -120,5 +121,6 @@ def find_reward(reward: SituationFunction | str | Path) -> SituationFunction:
     file = load_python_file(place, ScenarioError)
     if not callable(file.parts.get("reward")):
         raise file.refusal("reward", "a reward needs a function reward(situation)")
+    check_draws(file, "a reward is a function of the situation")
     function: SituationFunction = file.parts["reward"]
     return function
