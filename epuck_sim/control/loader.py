@@ -14,12 +14,12 @@ keep their values until they are set again. `random` is a stream of the robot's 
 that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensing` tell what is at a place.
 """
 
-import inspect
 import keyword
 import math
 import sys
 from dataclasses import replace
 from functools import partial
+from inspect import isasyncgenfunction, iscoroutinefunction, isgeneratorfunction, signature
 from pathlib import Path
 from typing import Any
 
@@ -92,8 +92,10 @@ def _check_parts(file: PythonFile, noun: str, *parts: str) -> None:
             continue
         if not callable(found):
             raise file.refusal(part, f"{noun} needs {part}: a function {part}({', '.join(takes)})")
+        if any(runs_late(found) for runs_late in (isgeneratorfunction, iscoroutinefunction, isasyncgenfunction)):
+            raise file.refusal(part, f"{part} has yield or async, with which nothing in it would run; write it without")
         try:
-            arguments = inspect.signature(found, follow_wrapped=False)
+            arguments = signature(found, follow_wrapped=False)
         except ValueError:  # of what is compiled already
             continue
         try:
