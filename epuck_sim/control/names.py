@@ -145,9 +145,10 @@ def _mistakes(
             if (role, node.attr) in several and is_set:
                 said = ast.unparse(node)
                 yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
-        if is_set and also_named.get(_root(node)) in fixed:
-            why = "a sensor may set only its readings" if own == "readings" else "all robots share them; use memory"
-            yield node.lineno, f"sets {ast.unparse(node)}; {why}"
+        role = also_named.get(_root(node), "")
+        if is_set and (role in fixed or (role == "sensors" and isinstance(node, ast.Attribute))):
+            kind, may = ("sensor", "its readings") if own == "readings" else ("controller", "memory and actuators")
+            yield node.lineno, f"sets {ast.unparse(node)}; a {kind} may set only {may}"
 
 
 def check_draws(file: PythonFile, instead: str) -> None:
