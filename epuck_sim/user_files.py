@@ -342,11 +342,11 @@ def typed(name: str, given: object, default: _Parameter) -> _Parameter:
 def run_check(
     check: Callable[[SimpleNamespace], object] | None, values: Mapping[str, object], sources: Collection[Path]
 ) -> None:
-    """Call the function `check(parameters)` of a file with these sources, if there is one."""
+    """Call the function `check(parameters)` of a file, if there is one; ValueError says what it raises or returns."""
     if check is None:
         return
     try:
-        check(SimpleNamespace(**values))
+        refusal = check(SimpleNamespace(**values))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever a user's file may raise
@@ -354,6 +354,9 @@ def run_check(
         where = line_of_error(error, sources) or "check"
         text = said.partition(": ")[2] or f"{where}: refuses the parameters"
         raise ValueError(text if isinstance(error, ValueError) else f"{where}: {said}") from error
+    if refusal is not None:
+        instead = f"check returned {short_repr(refusal)}; allowed: None, or text that says what is wrong"
+        raise ValueError(refusal if refusal and isinstance(refusal, str) else instead)
 
 
 def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:

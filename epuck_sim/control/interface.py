@@ -5,7 +5,7 @@
 
     def start(memory, parameters, random): ...
     def step(sensors, memory, actuators, parameters, random): ...
-    def check(parameters): ...           optional: raises ValueError on values that make no sense
+    def check(parameters): ...           optional: raises ValueError, or returns text, on values that make no sense
     EXTERNAL = ("wheels", "ring")        optional: parts commanded from outside, which `step` leaves alone
 
 `step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets the fields of `actuators` (see

@@ -6,7 +6,7 @@
     READINGS = {"ground": (float, 3)}       name -> type, or (type, shape): what controllers find in `sensors`
 
     def sense(world, robot, readings, parameters, random): ...
-    def check(parameters): ...              optional: raises ValueError on values that make no sense
+    def check(parameters): ...              optional: raises ValueError, or returns text, on values that make no sense
 
 `sense` is called for each robot in each control step, when bodies have moved and before any controller runs. It looks
 at `world` (see `World`) from `robot`, the record of the robot that senses, and sets the fields of `readings`, which
