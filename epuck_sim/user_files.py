@@ -6,6 +6,7 @@ files of a kind: the object it returns has `sources`, the files it comes from, a
 
 import ast
 import hashlib
+import math
 import sys
 import traceback
 import warnings
@@ -33,6 +34,7 @@ AS_LOADED = "__as_loaded__"  # name in a loaded module of the fingerprints of it
 MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
 
+MOST_NUMBERS = 1_000_000  # most numbers of an array that a robot remembers
 NEAREST = 5  # number of known names that are listed for an unknown one
 OWN_PACKAGE = "epuck-sim"  # name of this package, among those that offer something
 Value = bool | int | float  # value of a parameter that compiled code can read
@@ -221,10 +223,10 @@ class PythonFile(NamedTuple):
             raise self.refusal("check", "check must be a function check(parameters), or be left out")
         return check
 
-    def record_type(self, part: str) -> np.dtype[Any]:
+    def record_type(self, part: str, most: int = MOST_NUMBERS) -> np.dtype[Any]:
         """Return the record type whose fields a mapping of the file declares, see `record_type`."""
         try:
-            return record_type(self.parts[part])
+            return record_type(self.parts[part], most)
         except (TypeError, ValueError) as error:
             raise self.refusal(part, f"{part}: {error}") from error
 
@@ -359,8 +361,11 @@ def run_check(
         raise ValueError(refusal if refusal and isinstance(refusal, str) else instead)
 
 
-def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
-    """Return the record type with these fields, name -> type or (type, shape); truth values are kept as 0 and 1."""
+def record_type(fields: Mapping[str, Any], most: int = MOST_NUMBERS) -> np.dtype[Any]:
+    """Return the record type with these fields, name -> type or (type, shape); truth values are kept as 0 and 1.
+
+    ValueError is raised for a field without numbers, or with more than `most`.
+    """
     columns: list[tuple[Any, ...]] = []
     for name, field in fields.items():
         kind, *shape = field if isinstance(field, tuple) and field else (field,)
@@ -370,4 +375,8 @@ def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
         if not isinstance(name, str) or not name.isidentifier() or hasattr(np.recarray, name):
             raise ValueError(f"{name!r} is not a name that a record can have, or numpy needs it; choose another")
         columns.append((name, np.float64 if kind is float else np.int64, *shape))
-    return np.dtype(columns or [("nothing", np.int64)], align=True)
+    record = np.dtype(columns or [("nothing", np.int64)], align=True)
+    for name in fields:
+        if not 0 < math.prod(shape := record[name].shape) <= most:
+            raise ValueError(f"{name!r} has the shape {shape}; allowed: 1 to {most} numbers")
+    return record

@@ -15,13 +15,11 @@ that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensi
 """
 
 import keyword
-import math
 import sys
 from dataclasses import replace
 from functools import partial
 from inspect import isasyncgenfunction, iscoroutinefunction, isgeneratorfunction, signature
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -70,7 +68,7 @@ def _load(place: Place) -> Controller:
         raise file.refusal("EXTERNAL", said)
     controller = Controller(
         **vars(_described(place, file)),
-        memory=_record_type(file, "MEMORY"),
+        memory=file.record_type("MEMORY"),
         start=parts["start"],
         step=parts["step"],
         external=external,
@@ -105,19 +103,6 @@ def _check_parts(file: PythonFile, noun: str, *parts: str) -> None:
             raise file.refusal(part, said) from None
 
 
-MOST_NUMBERS = {"READINGS": 10_000, "MEMORY": 1_000_000}  # most numbers of a reading, and of a part of the memory
-
-
-def _record_type(file: PythonFile, part: str) -> np.dtype[Any]:
-    """Return the record type of readings or of a memory, none of which is empty or huge."""
-    record, most = file.record_type(part), MOST_NUMBERS[part]
-    for name in record.names or ():
-        shape = record[name].shape
-        if not 0 < math.prod(shape) <= most:
-            raise file.refusal(part, f"{part}: {name!r} has the shape {shape}; allowed: 1 to {most} numbers")
-    return record
-
-
 def _described(place: Place, file: PythonFile) -> Described:
     parameters, check = file.parameters(), file.check()
     return Described(place.short_name, place.name, file.path, parameters, check, file.sources, file.modules)
@@ -147,7 +132,7 @@ def _load_sensor(place: Place) -> Sensor:
             raise file.refusal("READINGS", said)
         if keyword.iskeyword(name) or str(name).startswith("_"):
             raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
-    readings = _record_type(file, "READINGS")
+    readings = file.record_type("READINGS", most=10_000)
     names = sorted(readings.names or (), key=lambda name: readings[name].base.kind != "f")
     # floats come before whole numbers, so that they can be viewed as one array
     ordered = np.dtype([(name, readings[name].base, readings[name].shape) for name in names], align=True)
