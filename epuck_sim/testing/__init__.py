@@ -6,6 +6,7 @@ The fixture of pytest is in `epuck_sim.pytest_plugin`.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -59,6 +60,10 @@ class _Field(Generic[T]):
         setattr(getattr(robot, self._record), self._name, value)
 
 
+def _refuse(_: "TestRobot", value: object) -> None:
+    raise AttributeError(f"cannot be {value!r} as a whole; allowed: one of its values, as in robot.memory.turns = 3")
+
+
 class TestRobot:
     """A robot without an arena: a test sets its sensors by hand, and reads its commands and memory.
 
@@ -74,14 +79,14 @@ class TestRobot:
     True
     """
 
-    __slots__ = ("_actuators", "_controllers", "_pixels", "_senses", "memory", "parameters", "readings")
+    __slots__ = ("_actuators", "_controllers", "_memory", "_parameters", "_pixels", "_readings", "_senses")
     __test__: ClassVar[bool] = False  # or pytest would take this class for tests
 
-    memory: "Record"
+    memory = property(attrgetter("_memory"), _refuse)
     """The robot's memory, by name."""
-    parameters: "Record"
+    parameters = property(attrgetter("_parameters"), _refuse)
     """The controller's parameters, by name; changes count from the next step on."""
-    readings: "Record"
+    readings = property(attrgetter("_readings"), _refuse)
     """Readings of sensors in files of their own, by name."""
     infrared = _Field[FloatArray]("_senses", np.asarray)
     """(8,) counts: raw readings of the proximity sensors; distances do not follow from them here."""
@@ -164,9 +169,9 @@ class TestRobot:
         self._controllers = GroupControllers(block, swarm, 0, found, own, interpret=interpret)
         self._controllers.parameters[:] = record
         self._controllers.start()
-        self.memory = Record("memory", self._controllers.memory)
-        self.parameters = Record("parameters", self._controllers.parameters)
-        self.readings = Record("readings", *map(partial(readings_of, swarm), swarm.senses, own))
+        self._memory = Record("memory", self._controllers.memory)
+        self._parameters = Record("parameters", self._controllers.parameters)
+        self._readings = Record("readings", *map(partial(readings_of, swarm), swarm.senses, own))
 
     def step(self, steps: int = 1) -> None:
         """Run control steps; sensors stay as they are.

@@ -61,6 +61,9 @@ def test_names_that_there_are_not_are_refused_with_the_nearest_and_copies_as_rec
         robot.memory.seenn = 1
     with pytest.raises(AttributeError, match="parameters have no 'gian'; did you mean 'gain'"):
         _ = robot.parameters.gian
+    for name in ("memory", "parameters", "readings"):
+        with pytest.raises(AttributeError, match="cannot be 3 as a whole; allowed: one of its values"):
+            setattr(robot, name, 3)
     with pytest.raises(AttributeError, match="cammera"):
         robot.cammera = 1
     with pytest.raises(ValueError, match="unknown 'gian', did you mean 'gain'"):
