@@ -98,6 +98,9 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         if actions.keys() != set(self.agents):
             odd = sorted(set(self.agents) ^ actions.keys())
             raise ValueError(f"actions are needed for each of {len(self.agents)} agents; missing or unknown: {odd[:5]}")
+        allowed = self._rows.single_action_space.shape
+        if odd := [agent for agent in self.agents if np.shape(actions[agent]) != allowed]:
+            raise ValueError(f"the action of {odd[0]} has the shape {np.shape(actions[odd[0]])}; allowed: {allowed}")
         rows, *values, infos = self._rows.step([actions[agent] for agent in self.agents])
         rewards, terminated, truncated = (self._of_agents(each.tolist()) for each in values)
         found = self._of_agents(rows), rewards, terminated, truncated, self._infos_of_agents(infos)

@@ -244,7 +244,8 @@ def test_environments_that_make_no_sense_are_refused(scenario, given, kind, mess
 
 def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost():
     for action, message in (
-        (dict.fromkeys(AGENTS, np.zeros(2)), r"an agent's action has the shape \(2,\); allowed: \(3,\)"),
+        (dict.fromkeys(AGENTS, np.zeros(2)), r"action of robot_0 has the shape \(2,\); allowed: \(3,\)"),
+        (dict.fromkeys(AGENTS, np.zeros(3)) | {"robot_1": 0}, r"action of robot_1 has the shape \(\); allowed: \(3,\)"),
         (dict.fromkeys(AGENTS, np.full(3, np.nan)), "an agent's action has nan; allowed: finite"),
         (dict.fromkeys(AGENTS, ["left"] * 3), "an agent's action has left; allowed: finite"),
         ({"robot_0": np.zeros(3)}, "missing or unknown: .'robot_1', 'robot_2'"),
