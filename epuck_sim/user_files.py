@@ -117,7 +117,8 @@ class Kind:
                 found.setdefault(point.name, []).append(Place(point.name, path, package))
             elif parent_process() is None:  # each worker would say it once more
                 said = f"{package} offers the {self.noun} {point.name!r} as {point.value}, which has no file"
-                warnings.warn(f"{said}: left out; reinstall {package}", stacklevel=2)
+                # its place is no line of code, neither here nor in the program
+                warnings.warn_explicit(f"{said}: left out; reinstall {package}", UserWarning, package, 0)
         return found
 
 
