@@ -138,7 +138,7 @@ class AgentSpaces:
             motions = len(MOTIONS) if self.drives else 1
             shares, lit = MOTIONS[given % motions], given // motions == 1
         else:
-            shares, lit = np.clip(given[..., :2], -1, 1), given[..., -1] > 0
+            shares, lit = np.minimum(np.maximum(given[..., :2], -1.0), 1.0), given[..., -1] > 0
         if self.drives:
             wheels = self._limits_cm_s * shares
             actuators["left_cm_s"][:, self.chosen] = wheels[..., 0]
