@@ -117,7 +117,6 @@ class Kind:
                 found.setdefault(point.name, []).append(Place(point.name, path, package))
             elif parent_process() is None:  # each worker would say it once more
                 said = f"{package} offers the {self.noun} {point.name!r} as {point.value}, which has no file"
-                # its place is no line of code, neither here nor in the program
                 warnings.warn_explicit(f"{said}: left out; reinstall {package}", UserWarning, package, 0)
         return found
 
@@ -378,6 +377,6 @@ def record_type(fields: Mapping[str, Any], most: int = MOST_NUMBERS) -> np.dtype
         columns.append((name, np.float64 if kind is float else np.int64, *shape))
     record = np.dtype(columns or [("nothing", np.int64)], align=True)
     for name in fields:
-        if not 0 < math.prod(shape := record[name].shape) <= most:
-            raise ValueError(f"{name!r} has the shape {shape}; allowed: 1 to {most} numbers")
+        if not 0 < math.prod(own := record[name].shape) <= most:
+            raise ValueError(f"{name!r} has the shape {own}; allowed: 1 to {most} numbers")
     return record

@@ -161,10 +161,8 @@ def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray
     Return (contacts, 3) step, robot, and the robot that it touches, or -1 for a wall, obstacle or movable, in the order
     of steps; and (contacts, 2) cm, points of contact: between the two robots' surfaces, or nearest on the other body.
     """
-    room = len(poses) * poses.shape[1]
-    found, points = _with_room(
-        partial(write_contacts, scene.block, poses), np.empty((room, 3), np.int64), np.empty((room, 2))
-    )
+    room, write = len(poses) * poses.shape[1], partial(write_contacts, scene.block, poses)
+    found, points = _with_room(write, np.empty((room, 3), np.int64), np.empty((room, 2)))
     return found, points
 
 

@@ -94,13 +94,7 @@ class Simulation:
     is_firing: bool
     """Whether the reference, an oscillator, fires in the last step (thesis 4.2.1)."""
 
-    def __init__(
-        self,
-        scenario: ScenarioLike,
-        seed: int | None = None,
-        *,
-        interpret: bool = False,
-    ) -> None:
+    def __init__(self, scenario: ScenarioLike, seed: int | None = None, *, interpret: bool = False) -> None:
         """Place the robots and start their controllers.
 
         Args:
@@ -124,9 +118,7 @@ class Simulation:
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         self._has_replaced = False
         controllers = [find_controller(group.controller) for group in scenario.robots]
-        self._own_sensors = [
-            [find_sensor(section["file"]) for section in group.sensors.values()] for group in scenario.robots
-        ]
+        self._own_sensors = [[find_sensor(own["file"]) for own in group.sensors.values()] for group in scenario.robots]
         self._block, self._swarm, self._arenas = make_swarm_block(scenario, controllers, self._own_sensors)
         self._world = World(self._arenas, scenario.robot_kinds, scenario.contact)
         groups = zip(controllers, scenario.robots, strict=True)
@@ -135,7 +127,7 @@ class Simulation:
 
     def _build(self, controllers: list[Controller], parameters: list[npt.NDArray[np.void]]) -> None:
         """Create the objects that use the swarm's block, with these controllers and parameters of the groups."""
-        scenario, block, swarm = self.scenario, self._block, self._swarm
+        scenario, block, swarm, interpret = self.scenario, self._block, self._swarm, self._interpret
         put_at_given_poses(swarm, scenario)
         self._scene = Scene(scenario.robots, block, swarm)
         self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
@@ -144,17 +136,15 @@ class Simulation:
         self._groups, self._sensors = [], list[OwnSensor]()
         for number, (controller, section) in enumerate(zip(controllers, scenario.robots, strict=True)):
             own = self._own_sensors[number]
-            group = GroupControllers(block, swarm, number, controller, own, interpret=self._interpret)
+            group = GroupControllers(block, swarm, number, controller, own, interpret=interpret)
             group.parameters[:] = parameters[number]
             self._groups.append(group)
             for (name, given), sensor in zip(section.sensors.items(), own, strict=True):
-                sensed = OwnSensor(block, swarm, len(self._sensors), name, sensor, interpret=self._interpret)
+                sensed = OwnSensor(block, swarm, len(self._sensors), name, sensor, interpret=interpret)
                 sensed.parameters[:] = sensor.parameter_record({key: given[key] for key in sensor.parameters})
                 self._sensors.append(sensed)
         self._first_parameters = parameters
-        self._loop = ControlLoop(
-            scenario, self._scene, self._world, self._sensors, self._groups, interpret=self._interpret
-        )
+        self._loop = ControlLoop(scenario, self._scene, self._world, self._sensors, self._groups, interpret=interpret)
         self.memory = block, self._loop.addresses  # the swarm, and where the functions are that it calls
         self.external_wheels, self.external_rings = (
             np.flatnonzero(np.repeat([part in each.external for each in controllers], swarm.groups["count"]))
@@ -331,10 +321,9 @@ class Simulation:
         """Record the outcome of `take_steps`; raise ControllerError, with the robot, if a command is not a number."""
         self.is_firing = outcome == FIRED
         if outcome >= 0:
-            controller = next(group.controller for group in self._groups if outcome < group.robots.stop)
-            raise ControllerError(
-                f"{self._location(outcome)}: {controller.path}: sets a wheel speed or a turn that is not a number"
-            )
+            path = next(group.controller.path for group in self._groups if outcome < group.robots.stop)
+            where = f"{self._location(outcome)}: {path}"
+            raise ControllerError(f"{where}: sets a wheel speed or a turn that is not a number")
         if self.scenario.faults:
             self.events += take_events(self._swarm)
 

@@ -370,10 +370,8 @@ def gatherer(sensors: tuple[Sensor, ...]) -> Any:
     }
     lines, fields = [], {"camera": "camera", "wheels": "wheels"} | _fields_of("sensed", SENSED)
     for number, sensor in enumerate(sensors):
-        place = f"swarm.senses[first + {number}]"
-        lines.append(
-            f"    own_{number} = array_at(block, at + {place}.readings, at + {place}.random, TYPE_{number})[member]"
-        )
+        place = f"at + swarm.senses[first + {number}]"
+        lines.append(f"    own_{number} = array_at(block, {place}.readings, {place}.random, TYPE_{number})[member]")
         fields |= _fields_of(f"own_{number}", sensor.readings)
     lines = [
         "def gather(block, swarm, first, member, sensed, camera, wheels):",

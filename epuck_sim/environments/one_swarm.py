@@ -234,9 +234,7 @@ def robot_vector_env(
 
 def _check_only_agent(agents: int) -> None:
     if agents != 1:
-        raise ScenarioError(
-            f"{agents} robots of the scenario are driven from outside; allowed: one, or use parallel_env"
-        )
+        raise ScenarioError(f"{agents} robots are driven from outside; allowed: one, or use parallel_env")
 
 
 gymnasium.register(

@@ -256,9 +256,8 @@ def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequen
     chosen_points = []
     for numbers in chosen:
         if len(numbers) != len(folders):
-            raise EpuckSimError(
-                f"--points is given {counted(len(numbers), 'number')}; allowed: {len(folders)}, one of each folder"
-            )
+            given = counted(len(numbers), "number")
+            raise EpuckSimError(f"--points is given {given}; allowed: {len(folders)}, one of each folder")
         for number, points, name in zip(numbers, folders, names, strict=True):
             if not 0 <= number < len(points):
                 raise EpuckSimError(f"--points: {name} has no point {number}; allowed: 0 to {len(points) - 1}")
@@ -286,9 +285,8 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
     rows = [point.axes for point in points]
     texts = texts_of_values(rows, key, values, "--axis")
     if len(set(texts)) < max(2, len(texts)):
-        raise EpuckSimError(
-            f"--axis: {key} is given {counted(len(set(texts)), 'value')}; allowed: two or more, all different"
-        )
+        given = counted(len(set(texts)), "value")
+        raise EpuckSimError(f"--axis: {key} is given {given}; allowed: two or more, all different")
     matches = []
     for axes, places in group_rows(rows, key):
         group = [points[place] for place in places if len(points[place].times)]

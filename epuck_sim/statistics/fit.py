@@ -212,9 +212,7 @@ def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> li
     """Find the local minimum, the peak and V_f of each curve of T_sync against speed of a sweep."""
     axis, curves = sweep_curves(points, statistic=statistic)
     if not axis.endswith(SPEED):
-        raise EpuckSimError(
-            f"{points.folder}: no axis of several values ends in {SPEED}; extrema are those of T_sync against speed"
-        )
+        raise EpuckSimError(f"{points.folder}: no axis of several values ends in {SPEED}; extrema are those over speed")
     with refused_at(str(points.folder)):
         check_speed_alone(curves)
     found = []

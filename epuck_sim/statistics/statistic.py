@@ -68,9 +68,8 @@ class Measured(NamedTuple):
 def cut(measured: Measured, limit: float) -> Measured:
     """Return the values as if trials were censored at a lower limit."""
     observed = measured.observed & (measured.values <= limit)
-    return measured._replace(
-        values=np.minimum(measured.values, limit), observed=observed, limit=min(limit, measured.limit)
-    )
+    lowest = min(limit, measured.limit)
+    return measured._replace(values=np.minimum(measured.values, limit), observed=observed, limit=lowest)
 
 
 def restrict(samples: Sequence[Measured]) -> list[Measured]:

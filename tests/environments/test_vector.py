@@ -245,8 +245,8 @@ def test_a_window_shows_each_step_by_itself_and_closes(windows):
 @pytest.mark.parametrize("make", [RobotEnv, lambda scenario: gymnasium.make_vec(ROBOT_ENV, 2, scenario=scenario)])
 def test_swarms_without_exactly_one_driven_robot_are_refused(make):
     for scenario, message in (
-        ({"robots": [{"count": 2, "controller": "external"}]}, "2 robots of the scenario are driven from outside"),
-        ("thesis", "10 robots of the scenario are driven from outside"),
+        ({"robots": [{"count": 2, "controller": "external"}]}, "2 robots are driven from outside"),
+        ("thesis", "10 robots are driven from outside"),
     ):
         with pytest.raises(ScenarioError, match=message):
             make(scenario)
