@@ -147,8 +147,8 @@ def _mistakes(
                 yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
         role = also_named.get(_root(node), "")
         if is_set and (role in fixed or (role == "sensors" and isinstance(node, ast.Attribute))):
-            kind, may = ("sensor", "its readings") if own == "readings" else ("controller", "memory and actuators")
-            yield node.lineno, f"sets {ast.unparse(node)}; a {kind} may set only {may}"
+            setter, may = ("sensor", "its readings") if own == "readings" else ("controller", "memory and actuators")
+            yield node.lineno, f"sets {ast.unparse(node)}; a {setter} may set only {may}"
 
 
 def check_draws(file: PythonFile, instead: str) -> None:
