@@ -245,7 +245,11 @@ def sweep_into(
     status = read_status(folder)
     print_status(status, as_json, None if looks is None else looks.table())
     if status.failed:
-        print_stderr(f"{counted(len(status.failed), 'trial')} failed; run again to retry them: {again}")
+        mend = f"; a measure may be mended, or left out, first: {folder / RUN_SCENARIO} has its file"
+        of_measure = any(" measure" in failure.error for failure in status.failed)
+        print_stderr(
+            f"{counted(len(status.failed), 'trial')} failed; run again to retry them: {again}{mend * of_measure}"
+        )
         raise typer.Exit(1)
 
 

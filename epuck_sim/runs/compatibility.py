@@ -79,10 +79,32 @@ def read_stored_points(
     return [StoredPoint(*row[:3], *map(intern, row[3:])) for row in rows]  # shares of a sweep have the same texts
 
 
-def check_stored_points(folder: Path, connection: sqlite3.Connection, given: Sequence[StoredPoint]) -> None:
-    """Raise StoreError unless the points of a folder's database belong to the sweep of the given ones."""
+FAILED_MEASURES = """
+    SELECT DISTINCT one.key FROM trials JOIN points ON point = points.key, json_each(measures) AS one
+    WHERE ifnull(error, measuring_error) IS NOT NULL AND (instr(error, ': measure ' || one.key || ', seed ') OR
+            measuring_error IS NOT NULL AND NOT EXISTS (SELECT 1 FROM json_each(measured) WHERE key = one.key))
+        AND NOT instr(scenario, '"when":{"measure":"' || one.key || '"')
+"""
+"""SQL query: measures that failed in a stored trial, or in its repetition, but for those that trials wait for."""
+
+
+def check_stored_points(folder: Path, connection: sqlite3.Connection, given: Sequence[StoredPoint]) -> set[str]:
+    """Raise StoreError unless the points of a folder's database belong to the sweep of the given ones.
+
+    `FAILED_MEASURES` may differ, or be left out: returns the names of those that do, whose values are to be dropped.
+    """
     last = "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)"
-    check_same_sweep(folder, read_stored_points(connection, last, WITH_VALUES), given)
+    stored, dropped = read_stored_points(connection, last, WITH_VALUES), set()
+    failed = {name for (name,) in connection.execute(FAILED_MEASURES)}
+    now = {point.key: json.loads(point.measures) for point in given if failed}
+    for place, point in enumerate(stored if failed else ()):
+        measures, measures_now = json.loads(point.measures), now.get(point.key, {})
+        changed = {name for name in failed & measures.keys() if measures[name] != measures_now.get(name)}
+        kept = {name: measure for name, measure in measures.items() if name not in changed}
+        stored[place] = point._replace(measures=json.dumps(kept))
+        dropped |= changed
+    check_same_sweep(folder, stored, given)
+    return dropped
 
 
 def check_same_sweep(

@@ -5,6 +5,7 @@ never holds results of two scenarios.
 """
 
 import json
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -36,7 +37,7 @@ from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import sync_folder
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import counted, short_repr
 from epuck_sim.util.provenance import PROVENANCE
 
 _OF_TRIAL = "WHERE point = ? AND trial = ?"
@@ -76,9 +77,10 @@ class Store:
             is_held = stack.enter_context(acquire(folder))
             sync_folder(folder.parent)  # in which the folder may be new
             is_new = not self._path.exists()
+            dropped: set[str] = set()  # names of measures
             if not is_new:
                 with reading(folder) as connection:
-                    check_stored_points(folder, connection, rows)
+                    dropped = check_stored_points(folder, connection, rows)
                     was = read_share(connection)
                 if share not in (None, was):
                     what = "the whole sweep" if was == WHOLE else f"share {was}"
@@ -101,6 +103,8 @@ class Store:
             opened = self._path.stat()
             self._is_ours: Callable[[], bool] = lambda: is_held() and is_at(self._path, opened)
             with self._connection:
+                if dropped:
+                    self._drop(dropped)
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
                 sign(self._connection, "points")
@@ -118,6 +122,21 @@ class Store:
             self._rows, self._failed = self._connection.execute("SELECT count(*), count(error) FROM trials").fetchone()
             note_trials(self._path, self._rows)
             self._resources = stack.pop_all()
+
+    def _drop(self, measures: set[str]) -> None:
+        """Drop the stored values of measures, and warn of it."""
+        rows = []
+        for measured, *place in self._connection.execute("SELECT measured, point, trial FROM trials").fetchall():
+            values = json.loads(measured or "{}")
+            kept = {name: value for name, value in values.items() if name not in measures}
+            rows += [(json.dumps(kept) if kept else None, *place)] * (kept != values)
+        self._connection.executemany(f"UPDATE trials SET measured = ? {_OF_TRIAL}", rows)
+        sign(self._connection, "trials", [place for _, *place in rows])
+        warnings.warn(
+            f"{self._path.parent}: {' and '.join(sorted(measures))} failed in some trials, and was changed or left "
+            f"out since: its values of {counted(len(rows), 'trial')} are dropped",
+            stacklevel=3,
+        )
 
     def finished(self) -> FinishedTrials:
         """Return the numbers of point and trial of every trial that has a result, and a value of each measure.

@@ -2,7 +2,7 @@
 
 import json
 import tempfile
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from functools import partial
 from pathlib import Path
 
@@ -195,19 +195,41 @@ def test_a_trial_is_the_same_only_to_the_bit():
 
 
 @pytest.mark.parametrize("mended", [True, False], ids=["mended", "left out"])
-def test_a_measure_that_gave_no_value_may_be_mended_or_left_out(folder, tmp_path, mended):
-    run(folder, "near_walls")
-    before = everything(folder)
-    broken = str(write(tmp_path / "broken.py", "def half(simulation):\n    return 1 / 0\n"))
-    assert run(folder, "near_walls", broken).failed == 6
-    assert len(read_status(folder).failed) == 6
-    write(tmp_path / "broken.py", "def half(simulation):\n    return 0.5\n")
-    progress = run(folder, "near_walls", *[broken] * mended)
+@pytest.mark.parametrize("was_added", [True, False])
+@pytest.mark.parametrize(("fails", "failed"), [("True", 6), ("simulation.seed % 2", 4)])
+def test_a_measure_that_failed_may_be_mended_or_left_out(fails, failed, was_added, mended, folder, tmp_path):
+    run(tmp_path / "other", "near_walls")
+    before = everything(tmp_path / "other")
+    file = tmp_path / "broken.py"
+    broken = str(write(file, f"def half(simulation):\n    return 1 / 0 if {fails} else 0.25\n"))
+    if was_added:
+        run(folder, "near_walls")
+    assert run(folder, "near_walls", broken).failed == failed
+    assert len(read_status(folder).failed) == failed
+    write(file, "def half(simulation):\n    return 0.5\n")
+    few = pytest.warns(UserWarning, match=rf"^{folder}: half failed in some trials, .* of 2 trials are dropped$")
+    with few if failed < 6 else nullcontext():
+        progress = run(folder, "near_walls", *[broken] * mended)
     assert (progress.stored, progress.failed, read_status(folder).failed) == (6, 0, [])
     if mended:
         assert [point.measured for point in read_points(folder, "half")] == [(0.5,) * 3] * 2
     else:
         assert everything(folder) == before
+
+
+def test_values_of_a_measure_are_dropped_only_if_it_failed_and_no_trial_waits_for_it(folder, tmp_path):
+    file = tmp_path / "broken.py"
+    broken = str(write(file, "def half(simulation):\n    return 0.25\n"))
+    with pytest.raises(Stopped):
+        run_sweep(agents_sweep(["near_walls", broken]), folder, pool_here, stopper(3))
+    assert "holds results of the measure half, which is missing now" in refusal(
+        folder, load_scenario(agents_sweep(["near_walls"]))
+    )
+    awaiting = agents_sweep([broken], stop={"when": "Mine > 1", "max_cycles": 3})
+    write(file, RAISING.format("1 / 0"))
+    assert run_sweep(awaiting, tmp_path / "awaiting", pool_here).failed == 3
+    write(file, RAISING.format("2"))
+    assert "holds results of another measure Mine" in refusal(tmp_path / "awaiting", load_scenario(awaiting))
 
 
 def content(folder):
