@@ -55,6 +55,8 @@ class Estimate(NamedTuple):
 
         >>> print(Estimate(44.21, 28.9, 66.8), Estimate(0.94, 0.55, 1.6), Estimate(47.02, 40.1, math.inf))
         44 [29, 67] 0.94 [0.55, 1.60] 47.0 [40.1, ?]
+        >>> print(Estimate(4.421e8, 2.89e8, 6.68e8), Estimate(1e8, 9.9e7, 1.01e8))
+        4.4e+08 [2.9e+08, 6.7e+08] 1.00e+08 [9.90e+07, 1.01e+08]
         """
         value, low, high = self.ends
         if not self.has_interval or math.isnan(value):
@@ -83,6 +85,7 @@ def significant(number: float, decimals: int | None = None) -> str:
     places = places if decimals is None else min(places, decimals)
     shown = round(number, places)
     if shown and not PLAIN[0] <= abs(shown) < PLAIN[1]:
-        return f"{number:.{DIGITS}g}"
+        kept = min(DIGITS, places + math.floor(math.log10(abs(shown))) + 1)
+        return f"{number:.{DIGITS}g}" if decimals is None else f"{shown:.{kept - 1}e}"
     text = f"{shown + 0.0:.{max(0, places)}f}"
     return text.rstrip("0").rstrip(".") if decimals is None and "." in text else text
