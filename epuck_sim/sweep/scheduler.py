@@ -23,7 +23,6 @@ from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.store import Outcome
 from epuck_sim.sweep.worker import Task, compile_ahead, make_outcome, out_of_time, run_chunk
 from epuck_sim.util.machine import allow_files, blocked
-from epuck_sim.util.messages import whole
 
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
@@ -66,7 +65,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
 
     If the block ends with an error, work in progress is discarded.
     """
-    workers = available_cores() if workers is None else whole("workers", workers)
+    workers = workers or available_cores()
     needed = 24 + 2 * workers  # of this process, and of the server
     if (allowed := allow_files(needed)) is not None:
         enough = max(1, (allowed - 24) // 2)

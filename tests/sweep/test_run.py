@@ -60,6 +60,7 @@ def test_more_workers_give_the_same_table_bit_for_bit_and_leave_nothing_to_do(tm
     assert run_sweep(scenario, tmp_path / "run", lambda: pytest.fail("a pool was opened")).ended == 0
     with pytest.raises(ValueError, match=r"workers is 0; allowed: whole numbers from 1"):
         run_sweep(scenario, tmp_path / "other", workers=0)
+    assert not (tmp_path / "other").exists()
 
 
 def test_trial_0_of_all_points_comes_first_and_one_of_each_set_of_controllers_is_compiled_ahead(tmp_path) -> None:
