@@ -19,7 +19,7 @@ from scipy.special import erfc
 from epuck_sim.arrays import FloatArray
 from epuck_sim.display.table import AtMost, Row, Share, Table, cell_text
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
+from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows, texts_of_values
@@ -434,6 +434,9 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
     tested = " or ".join(dict.fromkeys(headings[each.tested] for each in compared))
     whose = " (Newcombe's)" if statistics == "share" else ""
     yield f"Compared: {statistics}. p and interval{whose}: of {tested}; p: {tests}; Holm: corrected for their number."
+    if any(isinstance(point.p_value, AtMost) and point.p_holm > 1 - LEVEL for point in points):
+        count = sum(each.compared for each in compared)
+        yield f"{count} comparisons are too many: of {PERMUTATIONS} permutations, no p (Holm) is below 0.05."
     restricted = sum(max(point.censored) > 0 and point.ratio.has_interval for point in points)
     if restricted:
         where = counted(restricted, "point")

@@ -217,6 +217,15 @@ def test_a_p_value_of_which_no_permutation_is_as_large_is_shown_as_a_bound_and_o
     assert not any("Over all" in note for note in comparison_tables(found[:1])[0].notes)
 
 
+def test_a_table_says_where_comparisons_are_too_many_for_a_bound_to_be_below_005_after_holm() -> None:
+    speeds = [number / 2 for number in range(1, 24)]
+    many = in_memory(sweep({SPEED: speeds}), lambda point: ended(np.arange(20) + 10 * point.number + 1))
+    for count, says in ((22, False), (23, True)):  # 231 and 253 pairs
+        (table, *_) = comparison_tables(compare(match_values(many[:count], SPEED, speeds[:count])))
+        said = f"{count * (count - 1) // 2} comparisons are too many: of 4999 permutations, no p (Holm) is below 0.05."
+        assert (said in table.notes) == says
+
+
 def test_the_interval_is_of_what_is_tested() -> None:
     for low, tested, other, shown in ((1, "ratio", "difference", "B / A"), (-20, "difference", "ratio", "B - A")):
         values = [[*range(low, 40 + low)], [*range(low, 80 + low, 2)]]
