@@ -129,7 +129,9 @@ def compare(
     ] = None,
     points: Annotated[
         list[str] | None,
-        option("K,L,...", "Compare these points, one of each folder, whatever their axes; repeatable."),
+        option(
+            "K,L,...", "Compare these points, one of each folder, or several of one, whatever their axes; repeatable."
+        ),
     ] = None,
     with_first: Annotated[bool, option("--with-first", "Compare each with the first, instead of all pairs.")] = False,
     of: options.OfOption = None,
@@ -148,10 +150,13 @@ def compare(
     twice = [name for name, place in zip(names, places, strict=True) if places.count(place) > 1]
     reject_first(
         options.both(as_json, as_csv),
-        (bool(axis and points), "--axis is for one folder, --points for several: give one of them"),
+        (bool(axis and points), "--axis and --points exclude each other"),
         (bool(points and where), "--points names what is compared; leave --where out"),
         (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
-        ((len(folders) == 1) == (not axis), "give two or more run folders, or one and --axis KEY=A,B"),
+        (
+            (len(folders) == 1) == (not axis) and (len(folders) > 1 or not points),
+            "give two or more run folders, or one and --axis KEY=A,B or --points K,L",
+        ),
         *((not points, f"{name} is given twice; allowed: other folders") for name in twice),
     )
     read = [read_points(folder, of, where) for folder in folders]
@@ -160,10 +165,14 @@ def compare(
         key = axis_key(typed, [point.axes for point in read[0]], f"--axis {axis[0]}")
         samples = match_values(read[0], key, values)
     elif points:
-        allowed = "allowed: numbers of points, one for each folder, as in 3,0"
+        allowed = "allowed: numbers of points, one for each folder, or several of one, as in 3,0"
         wrong = ((re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)*", text) is None, text) for text in points)
         reject_first(*((is_wrong, f"--points is {text!r}; {allowed}") for is_wrong, text in wrong))
-        samples = match_points(read, names, [[*map(int, text.split(","))] for text in points])
+        chosen = [[*map(int, text.split(","))] for text in points]
+        if len(read) == 1:
+            sides = range(1, max(2, len(chosen[0])) + 1)
+            read, names = len(sides) * read, [f"{folders[0]}, place {side}" for side in sides]
+        samples = match_points(read, names, chosen)
     else:
         samples = match_folders(read, names)
     with word_if_slow("comparing"):
