@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # or a trial would wait for OpenCV and scipy
     from epuck_sim.overhead.compare import QuantityComparison
     from epuck_sim.overhead.robots import Robots
     from epuck_sim.overhead.track import Track
-    from epuck_sim.runs.reader import PointAtLimit, Status
+    from epuck_sim.runs.reader import Failure, PointAtLimit, Status
     from epuck_sim.trial.result import TrialResult
 
 
@@ -96,7 +96,10 @@ def _summary(results: "Sequence[TrialResult]", max_cycles: int) -> str:
 
 
 MOST_LISTED = 10
-"""Maximum number of failed trials, and of shares without a folder, that are listed."""
+"""Maximum number of kinds of failures, and of shares without a folder, that are listed."""
+
+_OF_ONE_TRIAL = re.compile(r"^.*?, seed \d+: (?:[^:]*/(?=[^/:]+:\d+: ))?")
+"""Beginning of an error that others of its kind do not share: whose it is, and the folders of its file."""
 
 
 def print_status(status: "Status", as_json: bool, looks: Table | None = None) -> None:
@@ -118,15 +121,25 @@ def print_status(status: "Status", as_json: bool, looks: Table | None = None) ->
     if status.at_work:
         lines.append(f"{status.at_work} is at work on it")
     lines += describe_at_limit(status.at_limit)
-    lines += (
-        f"failed: --point {failure.point} --trial {failure.trial}: {failure.error}"
-        for failure in status.failed[:MOST_LISTED]
-    )
-    if len(status.failed) > MOST_LISTED:
-        lines.append(f"and {len(status.failed) - MOST_LISTED} more")
+    lines += describe_failures(status.failed)
     print("\n  ".join(map(folded, lines)))
     if looks is not None:
         print(f"\n{looks.to_text(terminal_width())}")
+
+
+def describe_failures(failures: "Sequence[Failure]") -> list[str]:
+    """Return a line for each kind of error, with the number of its trials; one that has one trial stays whole."""
+    kinds: dict[str, list[Failure]] = {}
+    for failure in failures:
+        kind = re.sub(r"(--point|--trial) \d+", r"\1 N", _OF_ONE_TRIAL.sub("", failure.error))
+        kinds.setdefault(kind, []).append(failure)
+    lines = []
+    for kind, (first, *others) in [*kinds.items()][:MOST_LISTED]:
+        place = f"--point {first.point} --trial {first.trial}"
+        said = f"{1 + len(others)} trials: {kind}; the first: {place}" if others else f"{place}: {first.error}"
+        lines.append(f"failed: {said}")
+    rest = sum(map(len, list(kinds.values())[MOST_LISTED:]))
+    return [*lines, f"and {rest} more"] if rest else lines
 
 
 def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:

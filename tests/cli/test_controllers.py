@@ -149,7 +149,7 @@ def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path
     scene = write_scene(tmp_path, with_step("raise ValueError('\\ud800')"), 0.3)
     result = call("run", scene, "--interpret", "--out", tmp_path / "run", "--trials", "2")
     assert result.exit_code == 1
-    assert "--trial 1: " in result.stdout
+    assert "failed: 2 trials: mine.py:" in result.stdout
     errors = [failure.error.rpartition("ValueError: ")[2] for failure in read_status(tmp_path / "run").failed]
     assert errors == ["\\ud800"] * 2
 
