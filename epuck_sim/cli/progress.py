@@ -72,18 +72,18 @@ class TrialProgress(_ProgressLine):
         self._trials = trials
         self._stop = stop
         self._trial = 0
-        self._is_ready, self._is_over = threading.Event(), threading.Event()
+        self._is_over = threading.Event()
         self._at_work: AtWork | None = None
-        self._looks = threading.Thread(target=self._tell_of_what_takes_long, daemon=True)
-
-    def _tell_of_what_takes_long(self) -> None:
-        self._tell_of_compiling()
-        self._tell_of_what_never_returns()
+        looks = (self._tell_of_compiling, self._tell_of_what_never_returns)
+        self._looks = [threading.Thread(target=look, daemon=True) for look in looks]
 
     def _tell_of_compiling(self) -> None:
-        """Show how much is compiled, if anything is: again and again on a terminal, once for each file in a log."""
+        """Show how much is compiled, if anything is: again and again on a terminal, once for each file in a log.
+
+        Trials of interpreted controllers compile, too: what plain Python calls first in them.
+        """
         told: set[Path | None] = set()
-        while not self._is_ready.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
+        while not self._is_over.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
             native: Any = sys.modules.get("epuck_sim.util.native")  # loaded when something compiles, perhaps now
             found = native.compiling() if hasattr(native, "compiling") else None
             if found and (self._bar or found[1] not in told):
@@ -105,23 +105,23 @@ class TrialProgress(_ProgressLine):
             last = now
 
     def __enter__(self) -> Self:
-        self._looks.start()
+        for look in self._looks:
+            look.start()
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._is_ready.set()
         self._is_over.set()
         super().__exit__(*error)
 
     def begin(self, trial: int, at_work: "AtWork | None") -> None:
         """Begin to show trial number `trial`; `at_work` returns whose code is running in it, if that is watched."""
         from epuck_sim.trial.result import hopelessness_watch
+        from epuck_sim.util.native import working_s  # numba takes a while
 
-        self._is_ready.set()
         self._at_work = at_work
         self._watch = hopelessness_watch(self._stop.metric, self._tell_of_hopelessness)
         self._trial = trial
-        self._began = time.perf_counter()
+        self._clock_s, self._began = working_s, working_s()
         self._next = self._began + self._pause_s
 
     def __call__(self, state: "TrialState") -> None:
@@ -129,7 +129,7 @@ class TrialProgress(_ProgressLine):
         if self._stop.order_parameter is not None and self._stop.max_cycles > FEWER_CYCLES:
             self._is_alone = state.oscillators == 1
             self._watch(state)
-        now = time.perf_counter()
+        now = self._clock_s()
         if now < self._next:
             return
         self._next = now + self._pause_s

@@ -1,7 +1,6 @@
 """One trial of robots, watched until the swarm is synchronised, and the start of agents that start like its robots."""
 
 import math
-import time
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -22,6 +21,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
+from epuck_sim.util.native import working_s
 
 NOMINAL_PERIOD_S = 5.0  # length of a cycle, in seconds, if the reference is no oscillator (4.2.1)
 
@@ -152,7 +152,7 @@ def run_robots(
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
-    began = time.perf_counter()
+    began = working_s()
     while not (watch.is_over or measuring.is_over()):
         measuring.carry_out(watch, simulation.carry_out_scheduled)
         unseen = 1 if observers else min(watch.steps_left, MOST_STEPS)
@@ -180,7 +180,7 @@ def run_robots(
         order_parameter=outcome.order_parameter,
         steps=simulation.steps,
         simulated_s=simulation.steps * simulation.scenario.timing.step_ms / 1000,
-        wall_s=time.perf_counter() - began,
+        wall_s=working_s() - began,
         events=tuple(simulation.events),
     )
 

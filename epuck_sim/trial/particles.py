@@ -7,6 +7,7 @@ from epuck_sim.particles.batch import Recorder
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
+from epuck_sim.util.native import working_s
 
 SLICE_S = 0.02  # wall time for which compiled code runs before it returns to Python, for Ctrl-C and for progress
 FIRST_SLICE = 100_000  # number of agents that pulses of the first slice may reach; takes milliseconds in any swarm
@@ -34,10 +35,8 @@ def run_agents(
     periods, share = divmod(end_s / period_s, 1.0)
     end = (int(periods), share) if is_timed else (longest, 0.0)
     events = iter(simulation if observers else ())  # compiles what events need, before the clock runs
-    recorder = simulation.recorder = Recorder(simulation.scenario) if measuring.at_batches else None
-    if recorder is not None:
-        simulation.run(0)  # compiles what it needs
-    began = time.perf_counter()
+    simulation.recorder = recorder = Recorder(simulation.scenario) if measuring.at_batches else None
+    began = working_s()
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
 
     def has_ended() -> bool:
@@ -84,7 +83,7 @@ def run_agents(
         order_parameter=simulation.order_parameter if has_order else None,
         steps=simulation.instants,
         simulated_s=simulation.time_s if has_order else end_s,
-        wall_s=time.perf_counter() - began,
+        wall_s=working_s() - began,
         events=tuple(simulation.events),
     )
 

@@ -11,6 +11,7 @@ import os
 import pickle
 import re
 import sys
+import time
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -47,7 +48,7 @@ try:
     from numba.np.arrayobj import array0d_to_scalar, populate_array
 
     attrgetter("make_function")(_dynfunc)
-    attrgetter("RecordingListener", "register")(event)
+    attrgetter("RecordingListener", "TimingListener", "register")(event)
     attrgetter("_reduce", "_rebuild")(CompileResult)
     attrgetter("if_unlikely", "unpack_tuple", "pointer_add", "gep")(cgutils)
     attrgetter("_optimize_final_module", "_finalize_final_module", "_get_module_for_linking")(JITCodeLibrary)
@@ -226,8 +227,9 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
     return cast(Function, compiled)
 
 
-_recorder = event.RecordingListener()
-event.register("numba:compile", _recorder)
+_recorder, _timer = event.RecordingListener(), event.TimingListener()
+for _listener in (_recorder, _timer):
+    event.register("numba:compile", _listener)
 
 
 def compiling() -> tuple[int, Path | None] | None:
@@ -247,6 +249,11 @@ def compiling() -> tuple[int, Path | None] | None:
     files = [Path(code.co_filename) for code in reversed(begun)]
     file = next((file for file in files if file.suffix == ".py" and ours.isdisjoint(file.parents)), None)
     return (len(done), file) if begun else None
+
+
+def working_s() -> float:
+    """Return the time in seconds on a clock that leaves out what this process spends on compiling."""
+    return time.perf_counter() - (_timer.duration if _timer.done else 0.0)
 
 
 @cache

@@ -2,10 +2,12 @@
 
 import math
 import multiprocessing
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, Literal
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -46,6 +48,21 @@ def test_robots_are_interpreted_if_wanted_and_what_is_no_simulation_is_refused()
     assert without_wall(compiled) == without_wall(interpreted)
     with pytest.raises(TypeError, match=r"a trial needs a simulation, such as Simulation\('thesis', seed=1\)"):
         run_trial("thesis")
+
+
+@pytest.mark.parametrize("name", ["pair", "particles"])
+def test_what_is_compiled_within_a_trial_is_not_of_its_time(name: str) -> None:
+    spent_s: list[float] = []
+
+    def compile_anew(*_: object) -> None:
+        began = time.perf_counter()
+        if not spent_s:
+            numba.njit(lambda number: math.sin(number) + 1)(1.0)
+            spent_s.append(time.perf_counter() - began)
+
+    simulation, began = simulate(load_scenario(name, ["stop.max_cycles=2"]), 3), time.perf_counter()
+    result = run_trial(simulation, [compile_anew])
+    assert result.wall_s < time.perf_counter() - began - spent_s[0] / 2
 
 
 @pytest.mark.parametrize(("name", "kind"), [("pair", Simulation), ("particles", ParticleSimulation)])
