@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Te
 
 from epuck_sim.cli.errors import print_stderr, word_if_slow
 from epuck_sim.display.html import in_words
+from epuck_sim.util.cache_folder import fleeting_root
 from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # films need no trials, single trials no pools
@@ -90,7 +91,8 @@ class TrialProgress(_ProgressLine):
                 done, file = found
                 told.add(file)
                 now = f", now {file.name}" if file else ""
-                self.show(f"compiled {counted(done, 'function')} so far{now}; later runs reuse them")
+                kept = "none is kept" if fleeting_root.cache_info().currsize else "later runs reuse them"
+                self.show(f"compiled {counted(done, 'function')} so far{now}; {kept}")
 
     def _tell_of_what_never_returns(self) -> None:
         """Warn, once a trial, if a robot's controller or sensor is still at the same step at the next look."""

@@ -43,10 +43,18 @@ def cache_root(*, to_fill: bool = False) -> Path:
     with suppress(OSError):
         instead.mkdir(mode=0o700, exist_ok=True)
     if not _is_private(instead):
-        instead = Path(tempfile.mkdtemp(prefix="epuck-sim-"))
+        return fleeting_root(f"{chosen or 'cache folder'}: {reason}; {instead}: cannot be used, either")
     if chosen and not (to_fill and cache_root() == instead):  # which has said so
         warnings.warn(f"NUMBA_CACHE_DIR {chosen}: {reason}; compiled code is kept in {instead}", stacklevel=2)
     return instead
+
+
+@lru_cache
+def fleeting_root(why: str) -> Path:
+    """Return a new temporary folder, which later processes do not find, and warn that nothing is kept, and why."""
+    said = "nothing compiled is kept, every command compiles it anew; name a folder of your own in NUMBA_CACHE_DIR"
+    warnings.warn(f"{why}; {said}", stacklevel=3)
+    return Path(tempfile.mkdtemp(prefix="epuck-sim-"))
 
 
 def is_ours(path: Path) -> bool:

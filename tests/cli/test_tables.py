@@ -270,12 +270,15 @@ def test_what_has_been_compiled_is_counted_and_said_while_something_is(tmp_path,
         assert compiling() is None
 
 
-def test_a_log_names_each_file_once_that_takes_long_to_compile(monkeypatch, capsys) -> None:
+@pytest.mark.parametrize("is_fleeting", [False, True])
+def test_a_log_names_each_file_once_that_takes_long_to_compile(monkeypatch, capsys, is_fleeting: bool) -> None:
+    monkeypatch.setattr(progress.fleeting_root, "cache_info", lambda: SimpleNamespace(currsize=int(is_fleeting)))
     looks = [None, None, Path("mine.py"), Path("mine.py"), None]
     monkeypatch.setattr(progress, "COMPILING_IN_A_LOG_S", 0.001)
     monkeypatch.setattr(native, "compiling", lambda: (2, looks.pop(0)) if looks[1:] else shown._is_over.set())
     with progress.TrialProgress(1, load_scenario("pair").stop) as shown:
         shown.begin(0, None)  # interpreted controllers call what is compiled then
         assert shown._is_over.wait(10)
-    said = "compiled 2 functions so far{}; later runs reuse them\n"
-    assert capsys.readouterr().err == said.format("") + said.format(", now mine.py")
+    said = "compiled 2 functions so far{}; {}\n"
+    kept = "none is kept" if is_fleeting else "later runs reuse them"
+    assert capsys.readouterr().err == said.format("", kept) + said.format(", now mine.py", kept)
