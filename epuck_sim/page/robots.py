@@ -96,7 +96,7 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "step_ms": scenario.timing.step_ms,
         "nominal_period_ms": NOMINAL_PERIOD_S * 1000,
         "reference": stop.reference_robot,
-        "has_cycles": bool(np.isfinite(Simulation(scenario, seed=0).period_ms[stop.reference_robot])),
+        "has_cycles": bool(np.isfinite(Simulation(scenario, seed=0, interpret=True).period_ms[stop.reference_robot])),
         "metric": stop.metric,
         "order_parameter": stop.order_parameter,
         "further_cycles": stop.further_cycles,
@@ -160,7 +160,7 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
         robots, least_cm = count + scenario.robot_count - scenario.robots[0].count, cell_cm(scenario.group_kinds)
         side_cm = max(_sides(scenario), key=lambda side: (math.prod(count_cells(side, side, robots, least_cm)), side))
         changes |= {"arena.width_cm": side_cm, "arena.height_cm": side_cm}
-    block, functions = Simulation(with_values(scenario, changes, scenario.name), seed=0).beginning()
+    block, functions = Simulation(with_values(scenario, changes, scenario.name), seed=0, interpret=True).beginning()
     controllers, sensors = own_controllers(scenario), own_sensors(scenario)
     groups = [function for function in functions.values() if isinstance(function, GroupControllers)]
 
