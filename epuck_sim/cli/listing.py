@@ -5,6 +5,7 @@ import json
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from inspect import getsource
 from pathlib import Path
@@ -15,6 +16,7 @@ from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.measures.measure import MEASURE, find_measure
 from epuck_sim.scenario.base import ConfigModel, section_classes, tagged
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import SCENARIO, SCENARIO_TYPES
 from epuck_sim.scenario.particles import CURVE
 from epuck_sim.scenario.robot_kind import ROBOT
@@ -22,7 +24,7 @@ from epuck_sim.scenario.scenario import ONE_MEASURE, MeasureSection
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.user_files import OWN_PACKAGE, Kind, Place
 from epuck_sim.util.builtin import SWEEPS, builtin_files
-from epuck_sim.util.messages import describe_error, natural_order
+from epuck_sim.util.messages import describe_error, natural_order, nearest_name
 
 
 def list_names() -> dict[str, dict[str, str]]:
@@ -45,16 +47,21 @@ def list_measures() -> dict[str, dict[str, str]]:
 
 
 def list_keys(ending: str) -> dict[str, dict[str, str]]:
-    """Return sentence, type and default of keys with this ending, or in this section, by model; N: place in a list."""
+    """Return sentence, type and default of keys with this ending, or in this section, by model; N: place in a list.
+
+    Parameters of controllers are among them, with the names of the controllers.
+    """
     part = re.sub(r"\b\d+\b", "N", ending)
     found: dict[str, dict[str, str]] = {}
-    for name, model in SCENARIO_TYPES.items():
-        for key, said in _keys(model, f".{part}.", model.refused):
-            of_model = found.setdefault(f"model: {name}", {})
-            if said not in of_model.get(key, ""):  # several classes of sections have it
-                of_model[key] = f"{of_model.get(key, '')} {said}".lstrip()
+    for name, key, said in _every_key(f".{part}."):
+        of_model = found.setdefault(f"model: {name}", {})
+        if said not in of_model.get(key, ""):  # several classes of sections, or controllers, have it
+            of_model[key] = f"{of_model.get(key, '')} {said}".lstrip()
     if not found:
-        raise ScenarioError(f"{ending}: no section of scenarios has it; parameters: `list`, `list --measures`")
+        keys = [key.partition(":")[0] for _, key, _ in _every_key("")]
+        near = nearest_name(part, dict.fromkeys([*keys, *(name for key in keys for name in key.split("."))]))
+        meant = f", did you mean {near}?" if near else ""
+        raise ScenarioError(f"{ending}: no section of scenarios has it{meant}; parameters: `list`, `list --measures`")
     return found
 
 
@@ -105,6 +112,30 @@ def _of_measure(place: Place) -> str:
 def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:
     listed = ", ".join(f"{key}: {default}" for key, default in parameters.items())
     return f"{doc} {{{listed}}}" if listed else doc
+
+
+def _every_key(part: str) -> Iterator[tuple[str, str, str]]:
+    """Yield model, dotted key and what is said of it for each key of scenarios, or of controllers, that has `part`."""
+    for name, model in SCENARIO_TYPES.items():
+        yield from ((name, *told) for told in _keys(model, part, model.refused))
+        if model is EmbodiedScenario:
+            yield from ((name, *told) for told in _keys_of_controllers(part))
+
+
+def _keys_of_controllers(part: str) -> Iterator[tuple[str, str]]:
+    """Yield the key of each parameter of controllers that has `part`, with its comment in their files, and default."""
+    owners: dict[tuple[str, str, str], list[str]] = {}
+    for name in sorted(CONTROLLER.offers, key=natural_order):
+        with suppress(EpuckSimError):  # which `list` shows
+            controller = find_controller(name)
+            source = b"\n".join(controller.sources.values()).decode(errors="replace")  # its own file first
+            for key, default in controller.parameters.items():
+                comment = re.search(rf"""["']{key}["']: [^#\n]*# *(.+)""", source)
+                told = key, comment[1] if comment else "", json.dumps(default)
+                owners.setdefault(told, []).append(name)
+    for (key, comment, default), names in owners.items():
+        if part in f".robots.N.parameters.{key}.":
+            yield f"robots.N.parameters.{key}", f"{comment} ({', '.join(names)}; default: {default})".lstrip()
 
 
 def _keys(section: type[ConfigModel], part: str, refused: Sequence[str], above: str = "") -> Iterator[tuple[str, str]]:

@@ -66,6 +66,20 @@ def test_a_key_is_explained_by_its_ending_or_section() -> None:
     assert called("list", "agents.speed_cm_s").splitlines()[0] == "model: particles"
 
 
+def test_parameters_of_controllers_are_explained_by_the_comments_in_their_files_with_whose_they_are() -> None:
+    key = "robots.N.parameters.speed_cm_s"
+    explained = read("list", "speed_cm_s")
+    fast, slow, none = explained["model: embodied"][key].split(" default: ")
+    assert fast.startswith("V, straight ahead (external_ring, firefly, obstacle_avoidance, ")
+    assert (slow, none) == ("12.8) the speed while the ring is lit (pushing;", "2.0)")
+    assert list(explained["model: particles"]) == ["agents.speed_cm_s"]
+    assert read("list", "robots.0.parameters.speed_cm_s") == {
+        "model: embodied": {key: explained["model: embodied"][key]}
+    }
+    constant = read("list", "parameters.ring_on")["model: embodied"]
+    assert constant == {"robots.N.parameters.ring_on": "(constant; default: false)"}
+
+
 def test_kinds_are_explained_and_those_that_a_model_refuses_are_not_listed() -> None:
     of_robots, of_agents = (read("list", "faults")[f"model: {model}"] for model in ("embodied", "particles"))
     fewer = {f"faults.N.{key}" for key in ("robots", "jitter", "sensor")} | {

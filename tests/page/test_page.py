@@ -492,6 +492,8 @@ TURNERS = [
     "stop.max_cycles=20",
 ]
 GOLDEN_FILES = Path(__file__).parents[1] / "golden_files"
+
+
 def test_no_controller_is_compiled_for_this_machine_to_make_a_page(monkeypatch) -> None:
     monkeypatch.setattr("epuck_sim.embodied.user_code.compile_for", lambda *_, **__: pytest.fail("it was compiled"))
     assert "<html" in make_page(load_scenario("pair"), "pair")
