@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 from epuck_sim.display.html import element, to_html
 from epuck_sim.display.html import table as html_table
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
-from epuck_sim.util.messages import shortest_endings
+from epuck_sim.util.messages import in_yaml, shortest_endings
 
 CSV_DIGITS, AXIS_DIGITS = 6, 15  # significant digits in CSV of numbers, and of values of axes, which tell rows apart
 GAP = 2  # number of blanks between the columns of a terminal
@@ -188,7 +188,7 @@ def _columns(table: Table) -> list[_Column]:
         values = [row.axes[key] for row in table.rows]
         endings = shortest_endings([value for value in values if isinstance(value, str)], "/")
         # values of axes with all of their digits, which tell points apart
-        texts = [endings[value] if isinstance(value, str) else str(value) for value in values]
+        texts = [endings[value] if isinstance(value, str) else in_yaml(value) for value in values]
         axes.append(_Column(short[key], values, texts, True))
     for name, heading in headings.items():
         values = [row.cells[name] for row in table.rows]

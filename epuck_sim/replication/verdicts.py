@@ -21,7 +21,7 @@ from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes, has_series
 from epuck_sim.statistics.sequential import looks_p_value
 from epuck_sim.statistics.statistic import Measured, measure, measure_of, measure_t_sync, restrict
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
 
 SMALLEST, LARGEST = 1e-12, 1e-3
 """Deviations, in cycles, between which growth is judged: above rounding, and far below where it must end."""
@@ -139,7 +139,7 @@ def pair_points(check: Check, points: Sequence[AnyPoint]) -> list[tuple[AnyPoint
 
 
 def _in_text(values: Values) -> str:
-    return ", ".join(f"{key} = {short_repr(value)}" for key, value in values.items()) or "all points"
+    return ", ".join(f"{key} = {short_yaml(value)}" for key, value in values.items()) or "all points"
 
 
 Points: TypeAlias = Sequence[PointTrials]

@@ -22,7 +22,7 @@ from epuck_sim.runs.folder import DATABASE, acquire
 from epuck_sim.runs.sources import measure_sources, name_with_digest, named_sources
 from epuck_sim.scenario.loader import Point, validate
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import short_yaml
 from epuck_sim.util.provenance import PROVENANCE, format_versions
 
 MOST_SHOWN = 8  # largest number of differences in a message
@@ -154,7 +154,7 @@ def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str)
 def _differences(before: Mapping[str, Any], after: Mapping[str, Any], other: str) -> list[str]:
     pairs = [(key, before.get(key, MISSING), after.get(key, MISSING)) for key in dict.fromkeys([*before, *after])]
     return [
-        f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}" for key, old, new in pairs if old != new
+        f"{key}: {short_yaml(old)} in the folder, {short_yaml(new)} {other}" for key, old, new in pairs if old != new
     ]
 
 

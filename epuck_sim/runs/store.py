@@ -37,7 +37,7 @@ from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import sync_folder
-from epuck_sim.util.messages import counted, short_repr
+from epuck_sim.util.messages import counted, short_yaml
 from epuck_sim.util.provenance import PROVENANCE
 
 _OF_TRIAL = "WHERE point = ? AND trial = ?"
@@ -243,7 +243,7 @@ def difference(stored: Mapping[str, Any], outcome: Outcome) -> str | None:
         if json.dumps(before) != json.dumps(now):  # 1, 1.0 and true are equal, but not the same
             return (
                 f"differs from the stored trial, so new measures do not belong to it: {name} is "
-                f"{short_repr(before)} in the folder, {short_repr(now)} now; another version or host made it, or "
+                f"{short_yaml(before)} in the folder, {short_yaml(now)} now; another version or host made it, or "
                 "code that draws numbers of its own"
             )
     return None

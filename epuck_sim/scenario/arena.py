@@ -12,7 +12,7 @@ from epuck_sim.arena import Arena, Floor, clearance_cm, make_arena, make_floor
 from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.geometry import box_corners, is_convex
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, refused_at
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import short_yaml
 
 LONGEST_SIDE = 4000  # most rows, and most columns, of a picture of the floor
 
@@ -199,7 +199,7 @@ def find_picture(name: str, folder: Path | None = None) -> str:
                 return str(path.resolve())
         except (OSError, ValueError) as error:
             raise ValueError(f"{path} {getattr(error, 'strerror', None) or error}") from error
-    raise ValueError(f"is {short_repr(name)}; there is no file {' or '.join(map(str, paths))}")
+    raise ValueError(f"is {short_yaml(name)}; there is no file {' or '.join(map(str, paths))}")
 
 
 def read_grey(path: Path) -> ByteArray:

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import T_SYNC_S
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range, ends_in, whole_key_of
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
 
 SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
 LOG_RATIO = 10.0  # least ratio of the largest to the smallest value of an axis with a logarithmic scale
@@ -138,8 +138,8 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
         if key not in others:
             raise EpuckSimError(f"figure.base_case: {unknown_axis(key, others)}; other axes: {comma_list(others)}")
         if all(row[key] != value for row in rows):
-            values = comma_list([short_repr(each) for each in {repr(row[key]): row[key] for row in rows}.values()])
-            raise EpuckSimError(f"figure.base_case: {key} is {short_repr(value)}; allowed: {values}")
+            values = comma_list([short_yaml(each) for each in {repr(row[key]): row[key] for row in rows}.values()])
+            raise EpuckSimError(f"figure.base_case: {key} is {short_yaml(value)}; allowed: {values}")
 
 
 def check_labels(labels: Collection[str], axes: Collection[str], measures: Iterable[str], origin: str) -> None:
@@ -180,9 +180,9 @@ def texts_of_values(rows: Rows, key: str, values: Sequence[Any], origin: str) ->
     known = {canonical_text({key: row[key]}): row[key] for row in rows}
     for value, text in zip(values, texts, strict=True):
         if text not in known:
-            values_known = comma_list([*map(short_repr, known.values())][:MOST_NAMED])
+            values_known = comma_list([*map(short_yaml, known.values())][:MOST_NAMED])
             values_known += f" and {len(known) - MOST_NAMED} more" * (len(known) > MOST_NAMED)
-            raise EpuckSimError(f"{origin}: {key} is never {short_repr(value)}; its values: {values_known}")
+            raise EpuckSimError(f"{origin}: {key} is never {short_yaml(value)}; its values: {values_known}")
     return texts
 
 

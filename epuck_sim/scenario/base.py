@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Self, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.util.messages import comma_list, nearest_name, short_repr
+from epuck_sim.util.messages import comma_list, nearest_name, short_yaml
 
 
 def _reject_bool(value: object) -> object:
@@ -200,7 +200,7 @@ def problems_in(
         if tag and wrong in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
             names = [name for each in classes for name in tagged(each)[1]]
             near, allowed = nearest_name(context.get("tag", ""), names), f"a mapping with {tag}: {' or '.join(names)}"
-        said = f"is {short_repr(given)}{f', did you mean {near!r}?' if near else ''}; allowed: {allowed}"
+        said = f"is {short_yaml(given)}{f', did you mean {near!r}?' if near else ''}; allowed: {allowed}"
         if wrong == "missing":
             said = "is missing"
         elif wrong == "extra_forbidden" and (owner := _owner(path, others)):

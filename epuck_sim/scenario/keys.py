@@ -14,7 +14,7 @@ from epuck_sim.scenario.embodied import noise_keys
 from epuck_sim.scenario.robot_kind import are_groups, as_section, without_brought_sensors
 from epuck_sim.scenario.scenario import AS, WITHOUT_EFFECT
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import short_yaml
 
 
 def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
@@ -147,7 +147,7 @@ def _with(container: Any, parts: list[str], value: Any, origin: str, path: str =
         index = int(first)
         return [*container[:index], _with(container[index], rest, value, origin, below), *container[index + 1 :]]
     if container is not None and not isinstance(container, Mapping):
-        raise ScenarioError(f"{origin}: {first!r} is inside {short_repr(container)}, which has no keys")
+        raise ScenarioError(f"{origin}: {first!r} is inside {short_yaml(container)}, which has no keys")
     here = dict(container or {})
     here[first] = _with(here.get(first), rest, value, origin, below)
     return here
@@ -170,7 +170,7 @@ def quick_version(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
     if changes is None:
         raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
     if not isinstance(changes, Mapping):
-        raise ScenarioError(f"{origin}: {QUICK}: is {short_repr(changes)}; allowed: a mapping of keys to values")
+        raise ScenarioError(f"{origin}: {QUICK}: is {short_yaml(changes)}; allowed: a mapping of keys to values")
     return merge(without_quick(given), changes)
 
 
@@ -197,7 +197,7 @@ def add_measures(
     """
     own = given.get("measures") or []
     if not isinstance(own, list | tuple):
-        raise ScenarioError(f"{origin}: measures: is {short_repr(own)}; allowed: a list")
+        raise ScenarioError(f"{origin}: measures: is {short_yaml(own)}; allowed: a list")
     there = [{each: {}} if isinstance(each, str) else each for each in own]
     added: list[Any] = [parse_yaml(name, f"--measure {name}") if ": " in name else {name: {}} for name in names]
     known = {_contents(name, folder): name for each in there if isinstance(each, Mapping) for name in each}
@@ -231,7 +231,7 @@ def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any
     sweep = given.get("sweep") or {}
     grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
     if not isinstance(grid, Mapping):
-        raise ScenarioError(f"{option}: the scenario's own sweep is {short_repr(sweep)}; allowed: a mapping")
+        raise ScenarioError(f"{option}: the scenario's own sweep is {short_yaml(sweep)}; allowed: a mapping")
     own = sweep.get("points") or [{}]
     for name, tied in ("zip", sweep.get("zip")), ("points", own[0] if len(keys) == 1 and isinstance(own, list) else ()):
         if isinstance(tied, Mapping) and (key := next((key for key in keys if key in tied), None)):

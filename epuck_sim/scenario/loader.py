@@ -27,7 +27,7 @@ from epuck_sim.scenario.scenario import AnyScenario, Scenario, ScenarioLike, req
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
-from epuck_sim.util.messages import cut, short_repr, shortest_endings, storable
+from epuck_sim.util.messages import cut, short_yaml, shortest_endings, storable
 from epuck_sim.util.seeds import point_seed
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
@@ -41,7 +41,7 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
     model = given.get("model", "embodied")
     if not isinstance(model, str) or model not in SCENARIO_TYPES:
         allowed = " or ".join(map(repr, SCENARIO_TYPES))
-        raise ScenarioError(f"{origin}: model: is {short_repr(model)}; allowed: {allowed}")
+        raise ScenarioError(f"{origin}: model: is {short_yaml(model)}; allowed: {allowed}")
     return SCENARIO_TYPES[model].validated(given, origin)
 
 
@@ -53,7 +53,7 @@ def _reject_surrogates(value: Any, origin: str, *path: str) -> None:
         _reject_surrogates(part, origin, *path, str(key))
     if isinstance(value, str) and storable(value) != value:
         where = storable(": ".join([origin, *([".".join(path)] if path else [])]))
-        raise ScenarioError(f"{where}: is {short_repr(value)}; allowed: text in Unicode")
+        raise ScenarioError(f"{where}: is {short_yaml(value)}; allowed: text in Unicode")
 
 
 SCENARIO = Kind(
@@ -284,7 +284,7 @@ def _read(source: ScenarioLike) -> tuple[dict[str, Any], str, Path | None]:
     path = find_scenario(str(source))
     given = read_yaml(path)
     if not isinstance(given, dict):
-        said = "empty" if given is None else short_repr(given)
+        said = "empty" if given is None else short_yaml(given)
         raise ScenarioError(f"{path}: is {said}; a scenario is a mapping of keys to values")
     place = SCENARIO.at(path)
     return {"name": path.stem, **given}, place.name if place.package else str(path), path.parent
@@ -436,4 +436,4 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
 
 def describe_axes(row: dict[str, Any]) -> str:
     """Return axis values as messages show them."""
-    return ", ".join(f"{key} = {short_repr(value)}" for key, value in row.items())
+    return ", ".join(f"{key} = {short_yaml(value)}" for key, value in row.items())

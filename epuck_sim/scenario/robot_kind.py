@@ -24,7 +24,7 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, check_range, 
 from epuck_sim.scenario.yaml_io import line_of_key, read_yaml
 from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
 
 FILE = "file"  # key of a sensor's file; others are its parameters
 
@@ -34,14 +34,14 @@ _ALLOWED = "allowed: a list of files, such as [ground.py, {light.py: {range_cm: 
 def by_name(given: Any) -> dict[str, dict[str, Any]]:
     """Return a group's sensors by their names, each with its file and its parameters."""
     if not isinstance(given, Mapping | list | tuple):
-        raise ValueError(f"is {short_repr(given)}; {_ALLOWED}")  # noqa: TRY004 pydantic gathers ValueErrors
+        raise ValueError(f"is {short_yaml(given)}; {_ALLOWED}")  # noqa: TRY004 pydantic gathers ValueErrors
     named: dict[str, dict[str, Any]] = {}
     for each in given.items() if isinstance(given, Mapping) else given:
         name, sensor = each if isinstance(given, Mapping) else _from_list(each)
         sensor = {FILE: sensor} if isinstance(sensor, str) else sensor
         if not isinstance(sensor, Mapping) or not isinstance(sensor.get(FILE), str):
             allowed = f"its file and parameters, {{file: {name}.py}}"
-            raise ValueError(f"{name} is {short_repr(sensor)}; allowed: {allowed}")  # noqa: TRY004
+            raise ValueError(f"{name} is {short_yaml(sensor)}; allowed: {allowed}")  # noqa: TRY004
         if not str(name).isidentifier():
             raise ValueError(f"{name!r} is no name for a sensor; allowed: letters, digits and _")
         if name in named:
@@ -53,7 +53,7 @@ def by_name(given: Any) -> dict[str, dict[str, Any]]:
 def _from_list(each: Any) -> tuple[str, Any]:
     file, parameters = next(iter(each.items())) if isinstance(each, Mapping) and len(each) == 1 else (each, {})
     if not isinstance(file, str) or not isinstance(parameters, Mapping | None):
-        raise ValueError(f"has {short_repr(each)}; {_ALLOWED}")  # noqa: TRY004
+        raise ValueError(f"has {short_yaml(each)}; {_ALLOWED}")  # noqa: TRY004
     return Path(file).stem, {FILE: file, **(parameters or {})}
 
 
@@ -129,7 +129,7 @@ def _load(place: Place) -> RobotFile:
     assert place.path is not None  # each has a file
     given = read_yaml(place.path)
     if not isinstance(given, Mapping):
-        raise ScenarioError(f"{place.path}: is {short_repr(given)}; a robot is a mapping of keys to values")
+        raise ScenarioError(f"{place.path}: is {short_yaml(given)}; a robot is a mapping of keys to values")
     if "kind" in given:
         raise ScenarioError(f"{place.path}: kind: a robot's file has no such key; keys it leaves out are the e-puck's")
     keys = {key: value for key, value in given.items() if key not in ("description", "sensors")}

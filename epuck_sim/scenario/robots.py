@@ -20,7 +20,7 @@ from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensor
 from epuck_sim.user_files import Value
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
 
 
 class CameraSignal(ConfigModel):
@@ -306,11 +306,11 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
     shapes = {(): number, (robots, *field.shape): f"a list of {robots}, one for each robot"}
     is_integral = not (is_whole and ((values % 1).any() or (np.abs(values) >= 2.0**63).any()))
     if values.shape not in shapes or not np.isfinite(values).all() or not is_integral:
-        raise ValueError(f"{name} is {short_repr(given)}; allowed: {' or '.join(shapes.values())}")
+        raise ValueError(f"{name} is {short_yaml(given)}; allowed: {' or '.join(shapes.values())}")
     if name == "phase_ms" and controller.is_oscillator:
         period_ms = parameters["period_s"] * 1000
         if not ((values >= 0) & (values < period_ms)).all():
-            raise ValueError(f"phase_ms is {short_repr(given)}; allowed: 0 to below the period, {period_ms:g}")
+            raise ValueError(f"phase_ms is {short_yaml(given)}; allowed: 0 to below the period, {period_ms:g}")
 
 
 def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dict[str, Any]:
@@ -319,7 +319,7 @@ def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dic
         raise ScenarioError(f"{origin}: --controller {name}: model is {given['model']}; controllers run on robots")
     groups = given.get("robots", [{}])
     if not are_groups(groups):
-        raise ScenarioError(f"{origin}: robots is {short_repr(groups)}; allowed: a list of groups")
+        raise ScenarioError(f"{origin}: robots is {short_yaml(groups)}; allowed: a list of groups")
     with refused_at(f"{origin}: --controller {name}"):
         controller = find_controller(name)
     lacking = {

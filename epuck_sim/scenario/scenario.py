@@ -18,7 +18,7 @@ from epuck_sim.measures.measure import CYCLE_METHOD, Measure, find_measure
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, keys_of, problems_in, refused_at
 from epuck_sim.scenario.yaml_io import write_yaml
-from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_repr, whole
+from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_yaml, whole
 
 CONDITION = re.compile(r"\s*([\w-]+)\s*(>=|<=|>|<)\s*([-+.\w]+)\s*")
 """A condition as text: a measure, a relation and a number."""
@@ -127,11 +127,11 @@ class MeasureSection(ConfigModel):
                 others = dict(parameters or {})
                 shown_as = others.pop(AS, None)
                 if shown_as is not None and not (isinstance(shown_as, str) and re.fullmatch(r"[\w-]+", shown_as)):
-                    raise ValueError(f"{AS} is {short_repr(shown_as)}; allowed: letters, digits, _ and -")
+                    raise ValueError(f"{AS} is {short_yaml(shown_as)}; allowed: letters, digits, _ and -")
                 if shown_as == "T_sync":
                     raise ValueError(f"{AS} is {shown_as!r}, which every trial has; allowed: other names")
                 return {"measure": name, "parameters": others, "shown_as": shown_as}
-        raise ValueError(f"is {short_repr(given)}; allowed: {ONE_MEASURE}")
+        raise ValueError(f"is {short_yaml(given)}; allowed: {ONE_MEASURE}")
 
     @property
     def name(self) -> str:

@@ -196,6 +196,13 @@ def test_what_fits_stands_in_one_part_with_numbers_below_each_other_and_columns_
     assert quotients.to_text(80).splitlines()[1] == "B / A"
 
 
+def test_values_of_axes_are_shown_as_scenarios_have_them() -> None:
+    axes = [[{"shape": "box", "x_cm": 30, "is_low": True}], [], None, False]
+    lines = Table("", [Row({"arena.obstacles": each}, {"trials": n}) for n, each in enumerate(axes)]).to_text()
+    shown = [line.rpartition("  ")[0].strip() for line in lines.splitlines()[2:]]
+    assert shown == ["[{shape: box, x_cm: 30, is_low: true}]", "[]", "null", "false"]
+
+
 def test_a_table_that_is_too_wide_comes_in_parts_with_what_tells_rows_apart() -> None:
     names = [f"statistic {n}" for n in range(6)]
     cells = [{"point": n, **dict.fromkeys(names, Estimate(n, n - 1.0, n + 1.0))} for n in (2, 3)]

@@ -330,7 +330,7 @@ def test_it_is_refused_to_a_scenario_in_which_they_differ_with_that_alone():
     for stored_now, now, difference in (
         (old, described("spread.clock_rate=0.01"), "spread.clock_rate: 0.0 in the folder, 0.01 now"),
         (old, described("stuck.per_hour=2"), "stuck.per_hour: 0.0 in the folder, 2.0 now"),
-        (old, described("robots.0.camera.frames_per_s=8"), "robots.0.camera.frames_per_s: None in the folder, 8.0 now"),
+        (old, described("robots.0.camera.frames_per_s=8"), "robots.0.camera.frames_per_s: null in the folder, 8.0 now"),
         (old, described("arena.width_cm=70"), "arena.width_cm: 60.0 in the folder, 70.0 now"),
         (unfit, described(), "contact.bounce: 0.5 in the folder, 'nothing' now"),
     ):
