@@ -83,7 +83,10 @@ class NoiseSection(ConfigModel):
     @model_validator(mode="before")
     @classmethod
     def _on_or_off(cls, given: Any) -> Any:
-        return noise_keys(given)
+        keys = noise_keys(given)
+        if not isinstance(keys, dict | ConfigModel):
+            raise ValueError("on, off, or a mapping of keys to values")  # noqa: TRY004 pydantic gathers ValueErrors
+        return keys
 
 
 class SpreadSection(ConfigModel):

@@ -141,7 +141,7 @@ def _with(container: Any, parts: list[str], value: Any, origin: str, path: str =
     below = f"{path}.{first}".removeprefix(".")
     if isinstance(container, list | tuple):
         if first not in map(str, range(len(container))):
-            such = f", as in {path}.0.{'.'.join(parts)}" if container and not first.isdecimal() else ""
+            such = f", as in {path}.0" if container and not first.isdecimal() else ""
             said = f"{first!r} is not an index into a list of {len(container)}, counted from 0{such}"
             raise ScenarioError(f"{origin}: {said}")
         index = int(first)
