@@ -34,6 +34,7 @@ def export_results(
 
     export(folder, to)
     _name_failed([folder])
+    typer.echo(bytes(to))  # its name may be no text
 
 
 def _name_failed(folders: list[Path]) -> None:

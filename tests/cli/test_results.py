@@ -38,7 +38,7 @@ def small(tmp_path) -> Path:
 def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_ones(made, tmp_path, ending) -> None:
     target = tmp_path / f"results{ending}"
     result = call("export", made, "--to", target)
-    assert (result.exit_code, result.stdout) == (0, "")
+    assert (result.exit_code, result.stdout) == (0, f"{target}\n")
     others = [call(*each).stderr for each in (("summarize", made), ("compare", made, "--axis", f"{COUPLING}=0.1,0.2"))]
     assert [result.stderr, *others] == 3 * [f"left out: 3 trials that failed; see: epuck-sim status {made}\n"]
     table = rows(target) if ending == ".csv" else pq.read_table(target).to_pylist()
