@@ -133,9 +133,9 @@ def _keys_of_controllers(part: str) -> Iterator[tuple[str, str]]:
                 comment = re.search(rf"""["']{key}["']: [^#\n]*# *(.+)""", source)
                 told = key, comment[1] if comment else "", json.dumps(default)
                 owners.setdefault(told, []).append(name)
-    for (key, comment, default), names in owners.items():
+    for (key, said, value), names in owners.items():
         if part in f".robots.N.parameters.{key}.":
-            yield f"robots.N.parameters.{key}", f"{comment} ({', '.join(names)}; default: {default})".lstrip()
+            yield f"robots.N.parameters.{key}", f"{said} ({', '.join(names)}; default: {value})".lstrip()
 
 
 def _keys(section: type[ConfigModel], part: str, refused: Sequence[str], above: str = "") -> Iterator[tuple[str, str]]:
