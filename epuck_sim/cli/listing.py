@@ -47,10 +47,7 @@ def list_measures() -> dict[str, dict[str, str]]:
 
 
 def list_keys(ending: str) -> dict[str, dict[str, str]]:
-    """Return sentence, type and default of keys with this ending, or in this section, by model; N: place in a list.
-
-    Parameters of controllers are among them, with the names of the controllers.
-    """
+    """Return sentence, type or owners, and default of keys with this ending, or in this section, by model; N: place."""
     part = re.sub(r"\b\d+\b", "N", ending)
     found: dict[str, dict[str, str]] = {}
     for name, key, said in _every_key(f".{part}."):

@@ -79,10 +79,7 @@ class TrialProgress(_ProgressLine):
         self._looks = [threading.Thread(target=look, daemon=True) for look in looks]
 
     def _tell_of_compiling(self) -> None:
-        """Show how much is compiled, if anything is: again and again on a terminal, once for each file in a log.
-
-        Trials of interpreted controllers compile, too: what plain Python calls first in them.
-        """
+        """Show how much is compiled, if anything is: again and again on a terminal, once for each file in a log."""
         told: set[Path | None] = set()
         while not self._is_over.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
             native: Any = sys.modules.get("epuck_sim.util.native")  # loaded when something compiles, perhaps now
