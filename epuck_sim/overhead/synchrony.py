@@ -72,8 +72,9 @@ class SynchronyDetector:
         evaluation = None  # at most one of the runs due now is a mode, as modes are half a period apart
         while self._runs and self._runs[0][0] + half_s <= time_s:
             middle_s, count = self._runs.popleft()
-            # the frame before the period covers its beginning
-            first, end = bisect_right(self._times, middle_s - half_s) - 1, bisect_left(self._times, middle_s + half_s)
+            # the frame before the period covers its beginning; there is none where rounding puts it before the film
+            first = max(bisect_right(self._times, middle_s - half_s) - 1, 0)
+            end = bisect_left(self._times, middle_s + half_s)
             if middle_s >= self._earliest_s and max(self._counts[first:end]) == count:
                 times_s, window = np.array(self._times[first:end]), (middle_s - half_s, middle_s + half_s)
                 begins_s, ends_s = (np.clip(each, *window) for each in (times_s, frame_ends(times_s, window[1])))

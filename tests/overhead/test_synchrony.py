@@ -86,6 +86,9 @@ def test_evaluations_come_half_a_period_after_their_mode_and_narrow_ones_of_seve
         evaluation = detector.update(float(time), int(count))
         if evaluation is not None:
             assert 0 <= time - (evaluation.time_s + PERIOD / 2) < 1 / RATE
+    times = 2 / 15 + np.arange(90) / 15  # in floating point, half a period before the middle of 35 to 40 is earlier
+    (edge,) = evaluate(times, 2 * (np.arange(90) // 5 == 7), 5.0)
+    assert edge[:2] == (pytest.approx(2 / 15 + 2.5), 2)
 
 
 @given(st.lists(st.integers(0, 2000), min_size=1, max_size=30), st.integers(100, 3000))
