@@ -66,6 +66,8 @@ class Commands(TyperGroup):
             try:
                 return super().invoke(ctx)
             except Exception as error:
+                if isinstance(error, typer.BadParameter):
+                    error.message = error.message.removeprefix("Value error, ")  # pydantic's, of a name that is none
                 used = f"{ctx.invoked_subcommand} {getattr(error, 'option_name', '')}"
                 if (gone := GONE.get(used)) is None:
                     raise
@@ -217,6 +219,5 @@ def check_outputs(
             raise EpuckSimError(f"{option} is {path}; allowed: a name that ends in {' or '.join(endings)}")
         for file in files.get(option, [path]):
             check_target(file)
-            owner = owners.setdefault(os.path.realpath(file), option)
-            if owner != option:
+            if (owner := owners.setdefault(os.path.realpath(file), option)) != option:
                 raise EpuckSimError(f"{option} is {path}; allowed: another name, because {file} belongs to {owner}")
