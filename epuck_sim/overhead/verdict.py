@@ -88,6 +88,11 @@ class Evidence(NamedTuple):
         """Number of robots: the given one, or the number that flash in a period of a swarm that is nearly in step."""
         return self.robots or self.periods.robots()
 
+    @property
+    def is_early(self) -> bool:
+        """Whether the swarm is synchronised so soon that the film may not show it out of step."""
+        return (self.in_order_s or math.inf) < self.span_s[0] + FROM_BEGINNING * self.period_s
+
     def unless_corners(self, hint: str) -> str:
         """Return a hint to give the floor's corners; it is empty if they are given."""
         return "" if self.counted.geometry.calibration == CORNERS else hint
@@ -128,14 +133,12 @@ def objections(evidence: Evidence) -> list[str]:
             f"the same places flash again after two periods of {period_s:.4g} s, not one: two groups may flash in "
             f"turn, and the period may be {2 * period_s:.4g} s; give --period-s"
         )
-    at_s = evidence.in_order_s
-    is_early = at_s is not None and at_s < evidence.span_s[0] + FROM_BEGINNING * period_s
-    if is_early and not found and may_be_half_a_period(evidence):
+    if evidence.is_early and not found and may_be_half_a_period(evidence):
         found.append(
             f"flashes are in step from the beginning, or the period is {2 * period_s:.4g} s and two groups "
             "flash in turn; robots move too far between flashes to tell; give --period-s or --robots"
         )
-    if not found and at_s is None:
+    if not found and evidence.in_order_s is None:
         near = synchrony.order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
         if near >= NEAR_ORDER:
             least = math.floor(100 * near) / 100
@@ -303,6 +306,14 @@ def _doubts_about_frames(evidence: Evidence) -> list[str]:
     ends = (evidence.order_parameter - error, min(evidence.order_parameter + error, 1.0))
     periods, flashes = evidence.periods, evidence.flashes
     first_s, last_s = (periods.first_in_order_s(order) or math.inf for order in ends)
+    began_lit = evidence.counted.frames > len(evidence.counted.times_s)  # and robots start in the dark
+    in_step_s = flashes.onset_s[flashes.onset_s <= (evidence.in_order_s or math.inf) + evidence.period_s / 2]
+    order = np.abs(np.exp(2j * np.pi * in_step_s / evidence.period_s).mean())
+    if evidence.is_early and order >= evidence.order_parameter and not began_lit:
+        found.append(
+            "flashes are in step from the film's beginning, which may have come after T_sync; film robots from their "
+            "start on"
+        )
     is_short = np.mean(flashes.end_s - flashes.onset_s) < SHORTEST_FRAMES * usual_s
     if is_short or first_s < last_s - evidence.period_s / 2:
         found.append(

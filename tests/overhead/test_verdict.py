@@ -351,6 +351,7 @@ NEARLY = np.sort([*(k + np.array([0.5, 0.5, 0.6, 0.6]) for k in range(7))], axis
 CUT = np.where(np.arange(len(TIMES)) % 3 == 0, 0, evidence().counted.counts)  # without each third frame
 MISSED = [onset for k, onset in enumerate(ONSETS) if onset > 3 or k % 5]
 SHOWN = evidence(robots=None, period_is_given=False)
+IN_STEP = evidence(np.repeat(0.5 + np.arange(7), 4))
 
 
 @pytest.mark.parametrize(("given", "doubt"), [
@@ -358,6 +359,9 @@ SHOWN = evidence(robots=None, period_is_given=False)
     (filmed(geometry=make_geometry()._replace(ring_size=1.05)), ""),
     (filmed(geometry=make_geometry()._replace(tilt_deg=9.0)), ""),  # by the corners
     (evidence(period_s=100.0), ""),
+    (IN_STEP, "are in step from the film's beginning, which may have come after T_sync; film robots from their start"),
+    (IN_STEP._replace(counted=IN_STEP.counted._replace(frames=300)), ""),  # it began in the light, before the trial
+    (evidence([0.1, 0.3, 0.5, 0.8, *np.repeat(1.55 + np.arange(6), 4)]), ""),
     (evidence()._replace(lit_always=2), "left out: 2; check --period-s, or leave out lamps"),
     (filmed(outside=7), "rings outside of the floor, and left out: 7 in 240 frames"),
     (burnt_out(5), "burnt out to discs: 5 of 28;"),
