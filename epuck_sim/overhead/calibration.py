@@ -96,14 +96,23 @@ class FilmMetadata(BaseModel):
     def geometry(self, size_px: tuple[int, int], options: "TrackOptions") -> Geometry | None:
         """Return the geometry described; None without one, if options replace it, or for other picture sizes."""
         is_told = options.corners_px or options.arena_cm or options.height_cm or options.lens
-        if self.overhead is None or self.arena_cm is None or is_told:
+        camera = None if is_told else self._camera()
+        if camera is None or self.arena_cm is None or (camera.width_px, camera.height_px) != size_px:
+            return None
+        return Geometry(camera, self.arena_cm, DESCRIPTION, True, ring_size=math.nan)
+
+    @property
+    def height_cm(self) -> float | None:
+        """Height of the camera above the floor; None if it is not described."""
+        return (camera := self._camera()) and round(float(camera.position_cm[2]), 6)  # a sum, to a hair
+
+    def _camera(self) -> CameraModel | None:
+        if self.overhead is None or self.arena_cm is None:
             return None
         try:
-            camera = overhead_camera(OverheadSection(**self.overhead), *self.arena_cm)
+            return overhead_camera(OverheadSection(**self.overhead), *self.arena_cm)
         except (EpuckSimError, ValidationError):  # written by another version
             return None
-        is_same = (camera.width_px, camera.height_px) == size_px
-        return Geometry(camera, self.arena_cm, DESCRIPTION, True, ring_size=math.nan) if is_same else None
 
 
 class TrackOptions(NamedTuple):
@@ -132,7 +141,7 @@ class TrackOptions(NamedTuple):
 
     def contradictions(self, metadata: FilmMetadata) -> list[str]:
         """Return a sentence for each option that a film's metadata contradict."""
-        told = ((name, getattr(self, name), getattr(metadata, name)) for name in DESCRIBED)
+        told = ((name, getattr(self, name), getattr(metadata, name)) for name in (*DESCRIBED, "height_cm"))
         return [
             f"--{name.replace('_', '-')} is {_plain(given)}, but {DESCRIPTION} says {_plain(said)}"
             for name, given, said in told

@@ -57,6 +57,8 @@ def test_options_override_the_description() -> None:
         f"{option}, but the film's description says {described}"
         for option, described in (("--arena-cm is 60x50", "90x80"), ("--robots is 3", 7), ("--period-s is 2", 4))
     ]
+    for height_cm, warned in ((20.0, ["--height-cm is 20, but the film's description says 110"]), (110.0, [])):
+        assert TrackOptions(height_cm=height_cm).contradictions(FilmMetadata.of(described())) == warned
 
 
 def test_described_geometry_is_that_of_the_scenario_and_not_believed_where_something_contradicts_it() -> None:
