@@ -205,9 +205,9 @@ def calibrate(
     rings = measure_rings(dark if corners is None else islice(dark, most_frames), background, most_frames)
     if corners is None and not len(rings.radius_px):
         raise FilmError(
-            f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so "
-            "long that rings are discs? If rings are there, give the floor's corners by --corners, which show how "
-            "large rings are"
+            f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so long that "
+            f"rings are discs? Rings of {MIN_RADIUS_PX:g} to {MAX_RADIUS * min(size_px):.0f} px in radius are searched, "
+            "lit up to half of it wide. If rings are there, give the floor's corners by --corners, which show their size"
         )
     found = fit_camera(size_px, floor_cm, above_cm, rings, corners, lens)
     if corners is not None and not is_given:

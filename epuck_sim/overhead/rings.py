@@ -258,6 +258,12 @@ class RingFinder:
         return discs
 
 
+def searched(camera: CameraModel) -> str:
+    """Return words about the rings that are searched in the middle of a camera's pictures."""
+    radius_px = epuck.RING_RADIUS_CM * camera.lens.focal_px / (camera.position_cm[2] - epuck.RING_HEIGHT_CM)
+    return f"{RADII[0] * radius_px:.0f} to {RADII[1] * radius_px:.0f} px in radius, lit up to half of it wide"
+
+
 def _is_ring(fit: Fit, most_beyond: float, found: list[Fit], cells_per_cm: int) -> bool:
     """Return whether a fit is a ring that is apart from those found, and not the space that they enclose."""
     usual_cm = np.mean([other.radius_cm for other in found]) if found else math.inf

@@ -19,7 +19,7 @@ from epuck_sim.overhead.calibration import FilmMetadata, TrackOptions, calibrate
 from epuck_sim.overhead.camera import Frame, Geometry, ProgressWrapper
 from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.flashes import REACH_CM, CountedRings, Flash, FlashTable, RingCounter, count_places, join_broken
-from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.rings import Ring, searched
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
 from epuck_sim.util.atomic_write import atomic_write
@@ -202,9 +202,10 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     times_s, geometry = counted.times_s, counted.geometry
     if not counted.counts.any():
         raise FilmError(
-            f"{film}: no lit ring is seen in {counted.frames} frames; is it the right film, are the rings about 7 cm "
-            "wide, and is the exposure long enough? If --corners, --arena-cm, --height-cm, --start-s or --end-s were "
-            "given, check them; if this package made the film and it was scaled or cropped since, give --arena-cm"
+            f"{film}: no lit ring is seen in {counted.frames} frames; is it the right film, are the rings "
+            f"{searched(geometry.camera)}, and is the exposure long enough? If --corners, --arena-cm, --height-cm, "
+            "--start-s or --end-s were given, check them; if this package made the film and it was scaled or cropped "
+            "since, give --arena-cm"
         )
     start_s, is_late = float(times_s[0]), 2 * len(times_s) < counted.frames
     lit = f" (the room seems lit until {start_s:.3g} s: switch lamps off)" if is_late else ""

@@ -11,7 +11,7 @@ from epuck_sim.overhead import synchrony
 from epuck_sim.overhead.camera import CORNERS
 from epuck_sim.overhead.flashes import CountedRings, FlashTable
 from epuck_sim.overhead.identities import SURE, link_flashes
-from epuck_sim.overhead.rings import DISC_LIGHT
+from epuck_sim.overhead.rings import DISC_LIGHT, searched
 
 MOST = 0.75  # share of the robots that counts as most of them
 MOST_OF_USUAL = 0.6  # the same if their number is unknown, relative to the mean number of flashes in a period
@@ -157,9 +157,11 @@ def _about_robots(evidence: Evidence) -> list[str]:
             f"{most_lit} rings were lit at once, but there are {robots} robots: check --robots, or what else is lit"
         ]
     if robots is not None and not FEWEST_PER_ROBOT <= per_period / robots <= MOST_PER_ROBOT:
+        size = searched(evidence.counted.geometry.camera)
+        few = f", or whether rings are burnt out or dim, or not {size}" if per_period < robots else ""
         return [
             f"there were {per_period:.1f} flashes per period, but there are {robots} robots: check --robots, "
-            f"--period-s, --fps{', or whether rings are burnt out or dim' if per_period < robots else ''}"
+            f"--period-s, --fps{few}"
         ]
     if evidence.sync is None:
         return []

@@ -136,7 +136,7 @@ def test_ring_is_found_however_late_it_is_lit_and_a_film_without_light_is_refuse
         assert calibrated(reel).calibration == calibration.RINGS
         assert len(list(reel)) >= left
     for frames in ([], plain(120, calibration.LIT_FRAMES + 5), plain(120, calibration.LIT_FRAMES + 5) + plain(3, 5)):
-        with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .*--corners"):
+        with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .* 5 to 48 px in radius .*--corners"):
             calibrated(frames)
 
 
