@@ -96,23 +96,14 @@ class FilmMetadata(BaseModel):
     def geometry(self, size_px: tuple[int, int], options: "TrackOptions") -> Geometry | None:
         """Return the geometry described; None without one, if options replace it, or for other picture sizes."""
         is_told = options.corners_px or options.arena_cm or options.height_cm or options.lens
-        camera = None if is_told else self._camera()
-        if camera is None or self.arena_cm is None or (camera.width_px, camera.height_px) != size_px:
-            return None
-        return Geometry(camera, self.arena_cm, DESCRIPTION, True, ring_size=math.nan)
-
-    @property
-    def height_cm(self) -> float | None:
-        """Height of the camera above the floor; None if it is not described."""
-        return (camera := self._camera()) and round(float(camera.position_cm[2]), 6)  # a sum, to a hair
-
-    def _camera(self) -> CameraModel | None:
-        if self.overhead is None or self.arena_cm is None:
+        if self.overhead is None or self.arena_cm is None or is_told:
             return None
         try:
-            return overhead_camera(OverheadSection(**self.overhead), *self.arena_cm)
+            camera = overhead_camera(OverheadSection(**self.overhead), *self.arena_cm)
         except (EpuckSimError, ValidationError):  # written by another version
             return None
+        is_same = (camera.width_px, camera.height_px) == size_px
+        return Geometry(camera, self.arena_cm, DESCRIPTION, True, ring_size=math.nan) if is_same else None
 
 
 class TrackOptions(NamedTuple):
@@ -139,12 +130,14 @@ class TrackOptions(NamedTuple):
         """Return these options; fill in those that are None from a film's metadata."""
         return self._replace(**{name: getattr(self, name) or getattr(metadata, name) for name in DESCRIBED})
 
-    def contradictions(self, metadata: FilmMetadata) -> list[str]:
-        """Return a sentence for each option that a film's metadata contradict."""
-        told = ((name, getattr(self, name), getattr(metadata, name)) for name in (*DESCRIBED, "height_cm"))
+    def contradictions(self, metadata: FilmMetadata, size_px: tuple[int, int]) -> list[str]:
+        """Return a sentence for each option that the metadata of a film of some picture size contradict."""
+        described = metadata.geometry(size_px, TrackOptions())
+        height_cm = described and round(float(described.camera.position_cm[2]), 6)
+        told = [(name, getattr(self, name), getattr(metadata, name)) for name in DESCRIBED]
         return [
             f"--{name.replace('_', '-')} is {_plain(given)}, but {DESCRIPTION} says {_plain(said)}"
-            for name, given, said in told
+            for name, given, said in (*told, ("height_cm", self.height_cm, height_cm))
             if None not in (given, said) and given != said
         ]
 
@@ -206,8 +199,8 @@ def calibrate(
     if corners is None and not len(rings.radius_px):
         raise FilmError(
             f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so long that "
-            f"rings are discs? Rings of {MIN_RADIUS_PX:g} to {MAX_RADIUS * min(size_px):.0f} px in radius are searched, "
-            "lit up to half of it wide. If rings are there, give the floor's corners by --corners, which show their size"
+            f"rings are discs? Those of {MIN_RADIUS_PX:g} to {MAX_RADIUS * min(size_px):.0f} px radius are searched, "
+            "lit up to half of it wide. If there are, give the floor's corners by --corners, which show their size"
         )
     found = fit_camera(size_px, floor_cm, above_cm, rings, corners, lens)
     if corners is not None and not is_given:

@@ -133,9 +133,7 @@ def _outline_corners(shade: Float32Array) -> FloatArray | None:
         return None
     sides = np.stack([bends, np.roll(bends, -1, axis=0) - bends], axis=1)
     longest = sides[np.sort(np.argsort(-np.hypot(*sides[:, 1].T), kind="stable")[:4])]
-    return np.array(
-        [_intersection(one, other) for one, other in zip(longest, np.roll(longest, 1, axis=0), strict=True)]
-    )
+    return np.array([_intersection(*lines) for lines in zip(longest, np.roll(longest, 1, axis=0), strict=True)])
 
 
 def _intersection(line: FloatArray, other: FloatArray) -> FloatArray:

@@ -11,15 +11,16 @@ from typing import Any, Literal, NamedTuple, TextIO
 
 import numpy as np
 
+from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import synchrony
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
-from epuck_sim.overhead.calibration import FilmMetadata, TrackOptions, calibrate, excerpt
+from epuck_sim.overhead.calibration import DESCRIPTION, FilmMetadata, TrackOptions, calibrate, excerpt
 from epuck_sim.overhead.camera import Frame, Geometry, ProgressWrapper
 from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.flashes import REACH_CM, CountedRings, Flash, FlashTable, RingCounter, count_places, join_broken
-from epuck_sim.overhead.rings import Ring, searched
+from epuck_sim.overhead.rings import MIN_RELATIVE_LIGHT, Ring, searched
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
 from epuck_sim.util.atomic_write import atomic_write
@@ -28,6 +29,7 @@ FLASH_FRACTION = 0.075  # fraction of a period for which a ring is lit (thesis 4
 
 LONG_FLASHES = 6.0  # duration, in medians of all flashes, above which a ring is always lit if no period is known
 SHORTEST_STEADY_S = 2.0  # least such duration
+OFF_CM = 1.0  # error of places beyond which a flash is too near to a wall
 SAME_PLACE_CM = 0.5  # distance within which flashes are at one place
 FEWEST_FLICKERS = 6  # flashes at one place above which a lamp flickers there
 MOST_FLICKERS = 3.0  # the same relative to the median of all places
@@ -102,7 +104,7 @@ def track_film(
     with open_film(name) as film, ExitStack() as files:
         size_px, metadata = (film.width_px, film.height_px), FilmMetadata.of(film.description)
         geometry = metadata.geometry(size_px, options)
-        doubts = options.contradictions(metadata)
+        doubts = options.contradictions(metadata, size_px)
         if film.is_pictures and options.fps is None:
             doubts.append(f"numbered pictures have no times: {film.rate:g} frames per second are assumed; give --fps")
         options = options.with_defaults(metadata).with_defaults(simulated)
@@ -211,7 +213,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     lit = f" (the room seems lit until {start_s:.3g} s: switch lamps off)" if is_late else ""
     if len(times_s) < 2:
         raise FilmError(f"{film}: its trial is one frame long{lit}; allowed: two or more, preferably several periods")
-    flashes, steady, counts = without_steady(counted.flashes, times_s, counted.counts, options.period_s)
+    flashes, steady, counts = without_steady(counted, options.period_s)
     period_s = options.period_s or synchrony.estimate_period_s(times_s, counts)
     if period_s is None:
         raise FilmError(
@@ -267,7 +269,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
         counts=counts,
         evaluations=tuple(evaluations),
         flashes=flashes,
-        steady=steady,
+        steady=tuple(steady),
         rings=counted.rings,
         geometry=geometry,
         options=options,
@@ -278,22 +280,26 @@ def _since(start_s: float, time_s: float | None, unit_s: float = 1.0) -> float |
     return None if time_s is None else (time_s - start_s) / unit_s
 
 
-def without_steady(
-    flashes: tuple[Flash, ...], times_s: FloatArray, counts: IntArray, period_s: float | None
-) -> tuple[tuple[Flash, ...], tuple[Flash, ...], IntArray]:
+def without_steady(counted: CountedRings, period_s: float | None) -> tuple[tuple[Flash, ...], list[Flash], IntArray]:
     """Return flashes, flashes of rings that are always lit, and (frames,) counts without the latter.
 
     Without a period, a ring is always lit if it is lit for much longer than usual. Many times more flashes at one place
-    than at others are those of a lamp that the camera sees now and then.
+    than at others are those of a lamp that the camera sees now and then. As a description does not say how bright rings
+    are, dim flashes that are nearer to a wall than robots can be are left out, too.
     """
-    onset_s, end_s, places, *_ = FlashTable.of(flashes)
+    onset_s, end_s, places, _, light = FlashTable.of(counted.flashes)
     longest_s = period_s / 2 if period_s else max(LONG_FLASHES * np.median(end_s - onset_s), SHORTEST_STEADY_S)
     here = np.array([np.count_nonzero(np.hypot(*(places - place).T) < SAME_PLACE_CM) for place in places])
     is_steady = (end_s - onset_s > longest_s) | (here > max(FEWEST_FLICKERS, MOST_FLICKERS * np.median(here)))
-    steady, others = (tuple(compress(flashes, chosen)) for chosen in (is_steady, ~is_steady))
+    to_wall_cm = np.minimum(places, counted.geometry.floor_cm - places).min(axis=1)
+    is_none = (to_wall_cm < epuck.RADIUS_CM - OFF_CM) & (light < MIN_RELATIVE_LIGHT * np.median(light))
+    is_none &= counted.geometry.calibration == DESCRIPTION
+    chosen = is_steady, is_none, ~(is_steady | is_none)
+    steady, none, others = (list(compress(counted.flashes, each)) for each in chosen)
     if not others:
-        return flashes, (), counts
-    return others, steady, np.maximum(counts - FlashTable.of(steady).count_lit(times_s), 0)
+        return counted.flashes, [], counted.counts
+    gone = FlashTable.of(sorted({*steady, *none})).count_lit(counted.times_s)
+    return tuple(others), steady, np.maximum(counted.counts - gone, 0)
 
 
 def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:

@@ -313,8 +313,7 @@ def _doubts_about_frames(evidence: Evidence) -> list[str]:
     order = np.abs(np.exp(2j * np.pi * in_step_s / evidence.period_s).mean())
     if evidence.is_early and order >= evidence.order_parameter and not began_lit:
         found.append(
-            "flashes are in step from the film's beginning, which may have come after T_sync; film robots from their "
-            "start on"
+            "flashes are in step from the film's beginning, which may be after T_sync; film robots from their start"
         )
     is_short = np.mean(flashes.end_s - flashes.onset_s) < SHORTEST_FRAMES * usual_s
     if is_short or first_s < last_s - evidence.period_s / 2:

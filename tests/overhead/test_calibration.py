@@ -52,13 +52,13 @@ def test_options_override_the_description() -> None:
     for empty in (None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}):
         assert TOLD.with_defaults(FilmMetadata.of(empty)) == TOLD
     assert USER.with_defaults(told) == USER
-    assert TOLD.with_defaults(told).contradictions(told) == TOLD.contradictions(told) == []
-    assert USER.contradictions(told) == [
+    assert TOLD.with_defaults(told).contradictions(told, (240, 240)) == TOLD.contradictions(told, (240, 240)) == []
+    assert USER.contradictions(told, (240, 240)) == [
         f"{option}, but the film's description says {described}"
         for option, described in (("--arena-cm is 60x50", "90x80"), ("--robots is 3", 7), ("--period-s is 2", 4))
     ]
     for height_cm, warned in ((20.0, ["--height-cm is 20, but the film's description says 110"]), (110.0, [])):
-        assert TrackOptions(height_cm=height_cm).contradictions(FilmMetadata.of(described())) == warned
+        assert TrackOptions(height_cm=height_cm).contradictions(FilmMetadata.of(described()), (240, 240)) == warned
 
 
 def test_described_geometry_is_that_of_the_scenario_and_not_believed_where_something_contradicts_it() -> None:
@@ -136,7 +136,7 @@ def test_ring_is_found_however_late_it_is_lit_and_a_film_without_light_is_refuse
         assert calibrated(reel).calibration == calibration.RINGS
         assert len(list(reel)) >= left
     for frames in ([], plain(120, calibration.LIT_FRAMES + 5), plain(120, calibration.LIT_FRAMES + 5) + plain(3, 5)):
-        with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .* 5 to 48 px in radius .*--corners"):
+        with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .* 5 to 48 px radius are .*--corners"):
             calibrated(frames)
 
 

@@ -15,7 +15,7 @@ from epuck_sim import epuck, load_scenario, run_trial
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import flashes, verdict
-from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
 from epuck_sim.overhead.camera import CORNERS, Frame, Light
 from epuck_sim.overhead.compare import track_trial
 from epuck_sim.overhead.flashes import CountedRings, Flash, FlashLinker, FlashTable, LightMeter, RingCounter
@@ -138,19 +138,32 @@ def test_a_film_that_ends_as_run_says_t_sync_is_too_short_to_tell(seed: int) -> 
     assert (track.t_sync_s, track.confidence, "ends too early to tell" in track.reasons[0]) == (None, "none", True)
 
 
+def only_robots(flashes: Iterable[Flash], period_s: float | None = 1.0, by: str = "somewhere") -> tuple[Any, ...]:
+    """Return what `without_steady` returns, for flashes of a film of 8 s."""
+    times_s, ordered = np.arange(240) / RATE, tuple(sorted(flashes))
+    counts, geometry = FlashTable.of(ordered).count_lit(times_s), make_geometry()._replace(calibration=by)
+    return without_steady(CountedRings(240, times_s, counts, 0 * counts, ordered, geometry), period_s)
+
+
 def test_a_lamp_that_flickers_is_no_robot() -> None:
     robots = [Flash(k + 0.5, k + 0.6, 10.0 + 8 * n + 0.7 * k, 20.0, 50.0) for k in range(8) for n in range(4)]
     lamp = [Flash(0.3 * k, 0.3 * k + 0.1, 50.0, 50.0, 90.0) for k in range(26)]
-    times_s = np.arange(240) / RATE
-    counts = FlashTable.of(sorted(robots + lamp)).count_lit(times_s)
-    others, left_out, without = without_steady(tuple(sorted(robots + lamp)), times_s, counts, 1.0)
+    others, left_out, without = only_robots(robots + lamp)
     assert (sorted(others), sorted(left_out)) == (sorted(robots), lamp)
-    assert without.tolist() == FlashTable.of(sorted(robots)).count_lit(times_s).tolist()
+    assert without.tolist() == FlashTable.of(sorted(robots)).count_lit(np.arange(240) / RATE).tolist()
     still = tuple(Flash(k + 0.5, k + 0.6, 10.0 + 8 * n, 20.0, 50.0) for k in range(8) for n in range(4))
     for kept in (tuple(robots), (*still, Flash(0.2, 0.3, 55.0, 55.0, 50.0))):
-        assert without_steady(kept, times_s, counts, 1.0)[1] == ()
+        assert only_robots(kept)[1] == []
     long, short = (Flash(4.0, 4.0 + lit_s, 55.0, 5.0, 50.0) for lit_s in (3.0, 1.0))
-    assert without_steady((*robots, long, short), times_s, counts, None)[1] == (long,)
+    assert only_robots((*robots, long, short), None)[1] == [long]
+
+
+def test_a_dim_ring_where_no_robot_fits_is_none_if_the_film_does_not_tell_how_bright_rings_are() -> None:
+    robots = [flash(0.5, x_cm)._replace(light=light) for x_cm, light in ((20, 100.0), (30, 90.0), (57.5, 80.0))]
+    at_wall, free = (flash(0.5, x_cm)._replace(light=9.0) for x_cm in (2.0, 4.0))
+    for by, kept in ((DESCRIPTION, [free, *robots]), (CORNERS, [at_wall, free, *robots])):
+        found, steady, without = only_robots((*robots, free, at_wall), by=by)
+        assert (list(found), steady, without.max()) == (kept, [], len(kept))
 
 
 def test_order_parameter_decides_when_the_swarm_is_synchronised_and_is_named_if_track_takes_it() -> None:
@@ -359,7 +372,7 @@ IN_STEP = evidence(np.repeat(0.5 + np.arange(7), 4))
     (filmed(geometry=make_geometry()._replace(ring_size=1.05)), ""),
     (filmed(geometry=make_geometry()._replace(tilt_deg=9.0)), ""),  # by the corners
     (evidence(period_s=100.0), ""),
-    (IN_STEP, "are in step from the film's beginning, which may have come after T_sync; film robots from their start"),
+    (IN_STEP, "are in step from the film's beginning, which may be after T_sync; film robots from their start"),
     (IN_STEP._replace(counted=IN_STEP.counted._replace(frames=300)), ""),  # it began in the light, before the trial
     (evidence([0.1, 0.3, 0.5, 0.8, *np.repeat(1.55 + np.arange(6), 4)]), ""),
     (evidence()._replace(lit_always=2), "left out: 2; check --period-s, or leave out lamps"),
