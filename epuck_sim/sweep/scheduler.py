@@ -317,9 +317,7 @@ def _result(future: Future[Result], pool: Pool) -> Result:
                 if future.done():
                     raise
                 pool.slots()  # reports if there are no workers, raises if all are lost
-    except ClusterError:
-        raise
-    except pool.deaths + pool.losses:
+    except (ClusterError, *pool.deaths, *pool.losses):
         raise
     except CancelledError as error:
         raise ClusterError("the cluster has given up this run, or is gone") from error

@@ -260,7 +260,7 @@ def facing_wall(
     array([ 12.8, -12.8])
     """
     pose = (SIDE_CM - RADIUS_CM - gap_cm, SIDE_CM / 2, 0.0)
-    return Simulation(_scene(sensors, (controller, pose, parameters)), seed, interpret=interpret)
+    return _simulate(sensors, seed, interpret, (controller, pose, parameters))
 
 
 def facing_robot(
@@ -289,14 +289,12 @@ def facing_robot(
     """
     middle, apart = SIDE_CM / 2, gap_cm + 2 * RADIUS_CM
     looks, stands = (middle - apart / 2, middle, 0.0), (middle + apart / 2, middle, math.pi)
-    scene = _scene(sensors, (controller, looks, parameters), ("constant", stands, {"ring_on": lit}))
-    return Simulation(scene, seed, interpret=interpret)
+    return _simulate(sensors, seed, interpret, (controller, looks, parameters), ("constant", stands, {"ring_on": lit}))
 
 
-def _scene(
-    sensors: Sequence[Any], *robots: tuple[str | Path, tuple[float, float, float], dict[str, Value]]
-) -> dict[str, Any]:
-    """Return the scenario of robots with these sensors, each of which has a controller, a pose and parameters."""
+def _simulate(sensors: Sequence[Any], seed: int, interpret: bool, *robots: tuple[Any, Any, Any]) -> Simulation:
+    """Return a simulation of robots with these sensors, each of which has a controller, a pose and parameters."""
     arena = {"width_cm": SIDE_CM, "height_cm": SIDE_CM}
     groups = [{"controller": str(file), "poses": [pose], "parameters": given} for file, pose, given in robots]
-    return {"name": "scene", "arena": arena, "noise": "off", "sensors": sensors, "robots": groups}
+    scene = {"name": "scene", "arena": arena, "noise": "off", "sensors": sensors, "robots": groups}
+    return Simulation(scene, seed, interpret=interpret)
