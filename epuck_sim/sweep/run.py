@@ -142,11 +142,9 @@ def first_of_each_kind(
     """Return the first missing trial, of those wanted, for each kind of scenario that is compiled separately."""
     kinds: dict[tuple[str, ...], Task] = {}
     for point, trials in zip(points, wanted, strict=True):
-        if point.scenario.compiled in kinds:
-            continue
-        first = next(finished.missing(point.number, trials), None)
-        if first is not None:
-            kinds[point.scenario.compiled] = _task(point, trials[first], interpret)
+        kind = point.scenario.compiled
+        if kind not in kinds and (first := next(finished.missing(point.number, trials), None)) is not None:
+            kinds[kind] = _task(point, trials[first], interpret)
     return list(kinds.values())
 
 

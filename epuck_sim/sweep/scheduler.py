@@ -309,6 +309,7 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
 
 
 def _result(future: Future[Result], pool: Pool) -> Result:
+    passed_on: tuple[type[Exception], ...] = (ClusterError, *pool.deaths, *pool.losses)
     try:
         while True:
             try:
@@ -317,7 +318,7 @@ def _result(future: Future[Result], pool: Pool) -> Result:
                 if future.done():
                     raise
                 pool.slots()  # reports if there are no workers, raises if all are lost
-    except (ClusterError, *pool.deaths, *pool.losses):
+    except passed_on:
         raise
     except CancelledError as error:
         raise ClusterError("the cluster has given up this run, or is gone") from error
