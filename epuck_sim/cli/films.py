@@ -2,14 +2,15 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import print_stderr, reject_first
+from epuck_sim.cli.errors import print_stderr, reject_first, word_if_slow
 from epuck_sim.cli.options import argument, option, output_option
 from epuck_sim.errors import FilmError
 
@@ -133,7 +134,6 @@ def film(
     lens: Annotated[Path | None, option("FILE.json", "Film through this lens, written by `calibrate`.")] = None,
 ) -> None:
     """Film a recorded trial with the webcam above the arena: lit rings in the dark, or everything in a lit room."""
-    from epuck_sim.cli.progress import progress_bar
     from epuck_sim.overhead.filming import film_recording
 
     film_recording(recording, settings or (), to, progress_bar("filming"), lens)
@@ -150,7 +150,6 @@ def calibrate(
     fisheye: Annotated[bool, option("--fisheye", "A fisheye lens, wider than about 120 degrees.")] = False,
 ) -> None:
     """Calibrate the lens of a camera from a film of a checkerboard or ChArUco board."""
-    from epuck_sim.cli.progress import progress_bar
     from epuck_sim.overhead.camera import APART_S, calibrate_lens, find_views, save_lens
     from epuck_sim.overhead.film import open_film
 
@@ -168,8 +167,7 @@ def calibrate(
 def track(
     film: Annotated[str | None, argument("FILM", "The file of a film, of any format, or its URL.")] = None,
     camera: Annotated[
-        int | None,
-        film_option("N", "Track a live camera instead, until synchrony or Ctrl-C.", min=0),
+        int | None, film_option("N", "Track a live camera instead, until synchrony or Ctrl-C.", min=0)
     ] = None,
     web: Annotated[
         bool, camera_option("--web", "Show what --camera sees, with rings and histogram, in a browser.")
@@ -216,8 +214,7 @@ def track(
         Path | None, output_option("FILE.csv", "Write the position and size of every ring in every frame.")
     ] = None,
     flashes: Annotated[
-        Path | None,
-        output_option("FILE.csv|.parquet", "Write time, duration, place and robot of each flash."),
+        Path | None, output_option("FILE.csv|.parquet", "Write time, duration, place and robot of each flash.")
     ] = None,
     trace: Annotated[
         Path | None,
@@ -233,40 +230,25 @@ def track(
     ] = None,
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
+    is_live = camera is not None
     reject_first(
-        ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
+        ((film is None) != is_live, "give either a film or --camera NUMBER"),
         (end_s is not None and end_s <= start_s, "--end-s is not after --start-s"),
-        (
-            camera is not None and any((start_s, end_s, fps, tags)),
-            "--camera excludes --start-s, --end-s, --fps, --tags",
-        ),
-        (camera is None and (web or record is not None), "--web and --record are for --camera"),
+        (is_live and any((start_s, end_s, fps, tags)), "--camera excludes --start-s, --end-s, --fps, --tags"),
+        (not is_live and (web or record is not None), "--web and --record are for --camera"),
         (port is not None and not web, "--port is for --web"),
         (
-            camera is not None and period_s is None,
+            is_live and period_s is None,
             "--camera needs --period-s, because the period cannot be estimated while the camera films",
         ),
     )
-    from epuck_sim.cli.progress import progress_bar
     from epuck_sim.cli.tables import print_track
     from epuck_sim.overhead.calibration import TrackOptions
     from epuck_sim.overhead.robots import find_robots
     from epuck_sim.overhead.track import look_again, track_film
 
-    scene = TrackOptions(
-        arena_cm=arena_cm,
-        height_cm=height_cm,
-        corners_px=corners_px,
-        period_s=period_s,
-        robots=robots,
-        threshold_ms=threshold_ms,
-        order_parameter=order_parameter,
-        lens=lens,
-        start_s=start_s,
-        end_s=math.inf if end_s is None else end_s,
-        fps=fps,
-        **(tags or {}),
-    )
+    scene = TrackOptions(arena_cm, height_cm, corners_px, period_s, robots, threshold_ms, order_parameter, lens)
+    scene = scene._replace(start_s=start_s, end_s=math.inf if end_s is None else end_s, fps=fps, **(tags or {}))
     tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
     outputs = {
         "--plot": (plot, [".png"]),
@@ -291,7 +273,7 @@ def track(
     if robots_found is not None:
         robots_found.save(flashes, trace, pairs)
     shown = None
-    if camera is None and (annotate or plot):
+    if not is_live and (annotate or plot):
         shown = look_again(tracked, annotate, progress_bar("annotating" if annotate else "drawing"))
     if plot is not None:
         from epuck_sim.figures.films import save_track_figure
@@ -330,7 +312,6 @@ def compare_film(
 
     Arena, robots and period are as in SCENARIO unless options, or the film's description, tell them.
     """
-    from epuck_sim.cli.progress import progress_bar, trials_bar
     from epuck_sim.cli.tables import print_comparison
     from epuck_sim.overhead import compare
     from epuck_sim.overhead.calibration import FilmMetadata, TrackOptions
@@ -344,16 +325,7 @@ def compare_film(
     reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
     loaded = require_model(options.read_scenario(scenario, settings), EmbodiedScenario, "a film needs model: embodied")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
-    scene = TrackOptions(
-        arena_cm=arena_cm,
-        height_cm=height_cm,
-        corners_px=corners_px,
-        period_s=period_s,
-        robots=robots,
-        lens=lens,
-        fps=fps,
-        **(tags or {}),
-    )
+    scene = TrackOptions(arena_cm, height_cm, corners_px, period_s, robots, lens=lens, fps=fps, **(tags or {}))
     files = {}
     if plot is not None:
         from epuck_sim.figures.saving import check_files, parse_target
@@ -379,7 +351,8 @@ def compare_film(
     if shown > count or track.options.robots not in (None, count):
         doubts.append(f"the film shows {shown} robots, {loaded.name} has {count}")
     print_doubts(doubts)
-    rows = compare.compare_film(found, loaded, trials, trials_bar(trials))
+    bar = progress_bar("simulating", "{task.completed} of {task.total} trials", lambda number: number + 1)
+    rows = compare.compare_film(found, loaded, trials, lambda numbers: bar(numbers, trials))
     fitted = compare.fitted_values(loaded, found)
     print_comparison(track, loaded.name, rows, fitted, as_json=as_json)
     if fit is not None:
@@ -394,3 +367,26 @@ def print_doubts(doubts: Iterable[str]) -> None:
     """Print doubts on stderr, as warnings."""
     for doubt in doubts:
         print_stderr(f"warning: {doubt}")
+
+
+def progress_bar(
+    doing: str,
+    said: str = "{task.completed:.0f} s of film",
+    completed: Callable[[Any], float] = lambda timed: getattr(timed, "time_s", timed),
+) -> Callable[[Iterable[Any], float | None], Iterator[Any]]:
+    """Return a wrapper of frames, times or other items, and their end, that shows progress on a terminal's stderr."""
+
+    def passed(items: Iterable[Any], end: float | None) -> Iterator[Any]:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        console = Console(stderr=True)
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(said))
+        note = nullcontext() if console.is_terminal else word_if_slow(doing)
+        with note, Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+            task = progress.add_task(doing, total=end)
+            for each in items:
+                progress.update(task, completed=completed(each))
+                yield each
+
+    return passed

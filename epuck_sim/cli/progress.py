@@ -4,27 +4,27 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
-from epuck_sim.cli.errors import print_stderr, word_if_slow
+from epuck_sim.cli.errors import print_stderr
+from epuck_sim.cli.tables import describe_at_limit
 from epuck_sim.display.html import in_words
+from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
+from epuck_sim.scenario.loader import Point
+from epuck_sim.scenario.scenario import StopSection
+from epuck_sim.sweep.worker import AtWork, never_returned
+from epuck_sim.trial.result import WINDOW, TrialState, hopelessness_watch
 from epuck_sim.util.cache_folder import fleeting_root
 from epuck_sim.util.messages import counted
 
-if TYPE_CHECKING:  # films need no trials, single trials no pools
-    from epuck_sim.overhead.camera import ProgressWrapper
-    from epuck_sim.scenario.loader import Point
-    from epuck_sim.scenario.scenario import StopSection
+if TYPE_CHECKING:  # single trials need no pools
     from epuck_sim.sweep.run import SweepProgress
-    from epuck_sim.sweep.worker import AtWork
-    from epuck_sim.trial.result import TrialState
 
 REFRESH_S = 0.2  # seconds between two updates on a terminal
 LINE_S = 10.0  # seconds between two lines in a log
@@ -67,7 +67,7 @@ class _ProgressLine:
 class TrialProgress(_ProgressLine):
     """Shows how far trials are that run one after the other."""
 
-    def __init__(self, trials: int, stop: "StopSection", *, interpret: bool = False) -> None:
+    def __init__(self, trials: int, stop: StopSection, *, interpret: bool = False) -> None:
         # interpreted controllers may stop at breakpoints: a spinner would write over the debugger's prompt
         super().__init__(SpinnerColumn(), TextColumn("{task.description}"), is_redrawn=not interpret)
         self._trials = trials
@@ -93,8 +93,6 @@ class TrialProgress(_ProgressLine):
 
     def _tell_of_what_never_returns(self) -> None:
         """Warn, once a trial, if a robot's controller or sensor is still at the same step at the next look."""
-        from epuck_sim.sweep.worker import never_returned
-
         told, last = -1, None
         while not self._is_over.wait(AT_WORK_S):
             now = self._at_work() if self._at_work else None
@@ -112,9 +110,8 @@ class TrialProgress(_ProgressLine):
         self._is_over.set()
         super().__exit__(*error)
 
-    def begin(self, trial: int, at_work: "AtWork | None") -> None:
+    def begin(self, trial: int, at_work: AtWork | None) -> None:
         """Begin to show trial number `trial`; `at_work` returns whose code is running in it, if that is watched."""
-        from epuck_sim.trial.result import hopelessness_watch
         from epuck_sim.util.native import working_s  # numba takes a while
 
         self._at_work = at_work
@@ -123,7 +120,7 @@ class TrialProgress(_ProgressLine):
         self._clock_s, self._began = working_s, working_s()
         self._next = self._began + self._pause_s
 
-    def __call__(self, state: "TrialState") -> None:
+    def __call__(self, state: TrialState) -> None:
         """Show how far the trial is, if it is time to; say once if it looks hopeless."""
         if self._stop.order_parameter is not None and self._stop.max_cycles > FEWER_CYCLES:
             self._is_alone = state.oscillators == 1
@@ -140,12 +137,9 @@ class TrialProgress(_ProgressLine):
         )
 
     def _tell_of_hopelessness(self, order: float) -> None:
-        said = "will end at its limit: its one oscillator has no other to synchronise with"
-        if not self._is_alone:
-            from epuck_sim.trial.result import WINDOW
-
-            found = f"over {WINDOW} cycles the order parameter, {order:.2f}, is that of random phases or stands still"
-            said = f"looks hopeless: {found}"
+        alone = "will end at its limit: its one oscillator has no other to synchronise with"
+        found = f"over {WINDOW} cycles the order parameter, {order:.2f}, is that of random phases or stands still"
+        said = alone if self._is_alone else f"looks hopeless: {found}"
         print_stderr(f"trial {self._trial + 1} of {self._trials} {said}; sooner: --set stop.max_cycles={FEWER_CYCLES}")
 
 
@@ -178,15 +172,12 @@ class SweepProgressBar(_ProgressLine):
         self._next = now + self._pause_s
         self.show(self._words(progress, now), done, progress.trials)
 
-    def _note(self, point: "Point", *, is_censored: bool) -> None:
+    def _note(self, point: Point, *, is_censored: bool) -> None:
         """Count a trial of a point; print one line once enough trials, and no other ones, have reached their limit."""
         count = self._at_limit.get(point.number, 0) + (1 if is_censored else -math.inf)
         self._at_limit[point.number] = count
         if count < 0:
             return
-        from epuck_sim.cli.tables import describe_at_limit
-        from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
-
         if count == min(FEW_TRIALS, point.scenario.trials) and not self._has_told:
             self._has_told = True
             print_stderr(*describe_at_limit([PointAtLimit(point.number, point.axes, int(count))]))
@@ -203,32 +194,3 @@ class SweepProgressBar(_ProgressLine):
         a_minute = (progress.ended - self._first) / max(now - self._began, 1e-9) * 60
         words = f"{words}, {a_minute:.0f} a minute"
         return words if progress.narrow is not None else f"{words}, {in_words(left / a_minute * 60)} left"
-
-
-def progress_bar(doing: str) -> "ProgressWrapper":
-    """Return a wrapper of frames, or of times, that shows their progress on a terminal's stderr."""
-    return lambda timed, duration_s: _passed(
-        timed, doing, "{task.completed:.0f} s of film", duration_s, lambda each: getattr(each, "time_s", each)
-    )
-
-
-def trials_bar(trials: int) -> Callable[[Iterable[int]], Iterable[int]]:
-    """Return a wrapper of numbers of trials that shows their progress on a terminal's stderr."""
-    said = "{task.completed} of {task.total} trials"
-    return lambda numbers: _passed(numbers, "simulating", said, trials, lambda number: number + 1)
-
-
-_Item = TypeVar("_Item")
-
-
-def _passed(
-    items: Iterable[_Item], doing: str, said: str, total: float | None, completed: Callable[[_Item], float]
-) -> Iterator[_Item]:
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(said))
-    note = nullcontext() if console.is_terminal else word_if_slow(doing)
-    with note, Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(doing, total=total)
-        for each in items:
-            progress.update(task, completed=completed(each))
-            yield each

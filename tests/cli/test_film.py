@@ -21,9 +21,7 @@ from rich.console import Console
 
 from epuck_sim import Simulation, film_trial, load_scenario, read_recording
 from epuck_sim.cli import errors
-from epuck_sim.cli import progress as progress_module
-from epuck_sim.cli.films import parse_arena, parse_corners
-from epuck_sim.cli.progress import progress_bar
+from epuck_sim.cli.films import parse_arena, parse_corners, progress_bar
 from epuck_sim.cli.tables import NAMES_WIDTH, print_track
 from epuck_sim.overhead import live, track
 from epuck_sim.overhead.camera import Frame
@@ -344,7 +342,7 @@ def test_t_sync_comes_first_the_table_fits_a_screen_and_the_name_of_a_film_is_no
 
 @pytest.mark.parametrize("is_terminal", [True, False])
 def test_frames_are_passed_on_as_they_come(is_terminal: bool, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(progress_module, "Console", partial(Console, force_terminal=is_terminal))
+    monkeypatch.setattr("rich.console.Console", partial(Console, force_terminal=is_terminal))
     monkeypatch.setattr(errors, "SLOW_S", 0.05)
     film = [Frame(number / 2, np.zeros((2, 2, 3), np.uint8)) for number in range(5)]
     frames = iter(film)
