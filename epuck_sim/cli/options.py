@@ -76,8 +76,9 @@ class Commands(TyperGroup):
 
 def _show_everything(ctx: typer.Context, wanted: bool) -> None:
     if wanted:
-        ctx.meta[EVERYTHING] = True
-        typer.echo(ctx.get_help(), nl=False)
+        formatter = ctx.make_formatter()
+        TyperCommand.format_help(ctx.command, ctx, formatter)  # type: ignore[arg-type]  # a FoldedCommand is one
+        typer.echo(formatter.getvalue(), nl=False)
         raise typer.Exit
 
 
@@ -85,23 +86,16 @@ HelpAllOption = Annotated[
     bool, option("--help-all", "Show further options, too.", is_eager=True, callback=_show_everything)
 ]
 
-EVERYTHING = "epuck_sim.everything"  # key in click's context that is set if a help leaves nothing out
-
 
 class FoldedCommand(TyperCommand):
     """A command whose `--help` leaves out the groups of options in `FOLDED`, which `--help-all` shows."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help."""
-        params: list[Any] = self.params
-        folded = [each for each in params if getattr(each, "rich_help_panel", None) in FOLDED]
-        for each in folded:
-            each.hidden = EVERYTHING not in ctx.meta
-        try:
-            super().format_help(ctx, formatter)
-        finally:
-            for each in folded:
-                each.hidden = False  # shells complete them
+        every = self.params
+        self.params = [each for each in every if getattr(each, "rich_help_panel", None) not in FOLDED]
+        super().format_help(ctx, formatter)
+        self.params = every  # which shells complete
 
 
 def complete(module: str, kind: str) -> Callable[[], Any]:
@@ -166,13 +160,16 @@ WhereOption = Annotated[
     option("--where KEY=V,V", "Take only points at which an axis has one of these values: count=5,10; repeatable."),
 ]
 TrustOption = Annotated[bool, sweeps_option("--trust", "Run the code in another user's run folder, as you.")]
-JsonOption = Annotated[bool, output_option("--json", "Print JSON.")]
-CsvOption = Annotated[bool, output_option("--csv", "Print the table as CSV.")]
 
 
-def both(as_json: bool, as_csv: bool) -> tuple[bool, str]:
-    """Return whether both options are given, and the message for it; see `reject_first`."""
-    return as_json and as_csv, "--json and --csv exclude each other"
+def _only_one(context: typer.Context, wanted: bool) -> bool:
+    if wanted and (context.params.get("as_json") or context.params.get("as_csv")):  # whichever was given first
+        raise EpuckSimError("--json and --csv exclude each other")
+    return wanted
+
+
+JsonOption = Annotated[bool, output_option("--json", "Print JSON.", callback=_only_one)]
+CsvOption = Annotated[bool, output_option("--csv", "Print the table as CSV.", callback=_only_one)]
 
 
 def read_scenario(

@@ -64,7 +64,6 @@ def summarize(
     from epuck_sim.statistics.statistic import measure_unit, quantity
     from epuck_sim.statistics.statistic import summarize as statistics
 
-    reject_first(options.both(as_json, as_csv))
     points = read_points(folder, of, where) if of else None
     if points and any(map(has_series, points)):
         series = summarize_series(points)
@@ -99,7 +98,6 @@ def fit(
     from epuck_sim.statistics import fit as fitting
 
     reject_first(
-        options.both(as_json, as_csv),
         (bool(power and x), "--power has axes of its own; leave --x out"),
         (power is not None and statistic != Statistic.MEAN, "--power is of medians; leave --statistic out"),
         (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
@@ -150,7 +148,6 @@ def compare(
     names, places = [*map(str, folders)], [folder.resolve() for folder in folders]
     twice = [name for name, place in zip(names, places, strict=True) if places.count(place) > 1]
     reject_first(
-        options.both(as_json, as_csv),
         (bool(axis and points), "--axis and --points exclude each other"),
         (bool(points and where), "--points names what is compared; leave --where out"),
         (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
@@ -314,8 +311,7 @@ def plan(
     axes: options.AxesOption = None,
     quick: options.QuickOption = False,
     seconds: Annotated[
-        float | None,
-        option("S", "Seconds to spend on timing trials of a scenario; 20 by default.", min=0.1, max=3600),
+        float | None, option("S", "Seconds to spend on timing trials of a scenario; 20 by default.", min=0.1, max=3600)
     ] = None,
     workers: options.WorkersOption = None,
     trust: options.TrustOption = False,
@@ -379,7 +375,7 @@ def replicate(
 ) -> None:
     """Test claims of the thesis: run the trials that are missing, and write a page with a verdict on each claim."""
     reject_first(
-        (workers is not None and dask is not None, "--workers and --dask exclude each other"),
+        (None not in (workers, dask), "--workers and --dask exclude each other"),
         (cpu_hours is not None and not until_decided, "--cpu-hours is a limit of --until-decided, which is not given"),
     )
     from epuck_sim.cli.tables import terminal_width
@@ -410,19 +406,16 @@ def replicate(
     for name, scenario in needed.items():
         print_stderr(f"{name}:")
         run(name, begun(scenario, folders[name]))
-    undecided = None
-    if until_decided:
-        decider = Decider(chosen, needed, folders)
-        for line in decider.run(run, math.inf if cpu_hours is None else 3600 * cpu_hours):
-            print_stderr(line)
-        undecided = decider.table()
+    decider = Decider(chosen, needed, folders) if until_decided else None
+    for line in decider.run(run, math.inf if cpu_hours is None else 3600 * cpu_hours) if decider else ():
+        print_stderr(line)
     trials = Trials(folders)
     contents = read_contents(known, chosen, needed, trials, out, file, LOOKS if until_decided else 1)
     page = write_replication(contents, trials, out)
     for answer in contents.answers:
         typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")
-    if undecided is not None:
-        typer.echo(undecided.to_text(terminal_width()))
+    if decider:
+        typer.echo(decider.table().to_text(terminal_width()))
     typer.echo(page)
     if count := sum(failed.values()):
         typer.echo(f"{counted(count, 'trial')} failed; run the command again to retry them", err=True)

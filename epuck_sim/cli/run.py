@@ -8,7 +8,7 @@ import typer
 
 from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_traceback, reject_first
-from epuck_sim.cli.options import argument, option
+from epuck_sim.cli.options import argument, more_output_option, option, output_option, scenario_option, sweeps_option
 from epuck_sim.recording import Level
 
 runs = typer.Typer()
@@ -20,32 +20,28 @@ def run(
     settings: options.SetOption = None,
     axes: options.AxesOption = None,
     trials: options.TrialsOption = None,
-    seed: Annotated[
-        int | None, options.scenario_option("N", "Master seed; the scenario's own by default.", min=0)
-    ] = None,
+    seed: Annotated[int | None, scenario_option("N", "Master seed; the scenario's own by default.", min=0)] = None,
     controller: options.ControllerOption = None,
     measures: options.MeasureOption = None,
     quick: options.QuickOption = False,
-    out: Annotated[Path | None, options.output_option("FOLDER", "Run all points and trials into a run folder.")] = None,
-    record: Annotated[
-        Path | None, options.output_option("FILE.rrd", "Record for rerun's viewer, see `replay`.")
-    ] = None,
-    film: Annotated[Path | None, options.output_option("FILE.mp4", "Film with the camera above the arena.")] = None,
-    live: Annotated[bool, options.output_option("--live", "Show the trial while it runs.")] = False,
+    out: Annotated[Path | None, output_option("FOLDER", "Run all points and trials into a run folder.")] = None,
+    record: Annotated[Path | None, output_option("FILE.rrd", "Record for rerun's viewer, see `replay`.")] = None,
+    film: Annotated[Path | None, output_option("FILE.mp4", "Film with the camera above the arena.")] = None,
+    live: Annotated[bool, output_option("--live", "Show the trial while it runs.")] = False,
     as_json: options.JsonOption = False,
-    trace: Annotated[Path | None, options.more_output_option("FILE.parquet", "Write a row per robot and step.")] = None,
+    trace: Annotated[Path | None, more_output_option("FILE.parquet", "Write a row per robot and step.")] = None,
     memory: Annotated[
         list[str] | None,
-        options.more_output_option(
+        more_output_option(
             "FIELD", "Add a field of the controllers' MEMORY to --trace, --record and --live; repeatable."
         ),
     ] = None,
     relations: Annotated[
-        bool, options.more_output_option("--relations", "Add to --trace whom each robot sees lit, and whom it touches.")
+        bool, more_output_option("--relations", "Add to --trace whom each robot sees lit, and whom it touches.")
     ] = False,
     level: Annotated[
         Level | None,
-        options.more_output_option(
+        more_output_option(
             "--record-level summary|poses|full", "How much is recorded, or shown live; full by default."
         ),
     ] = None,
@@ -64,21 +60,19 @@ def run(
     dask: options.DaskOption = None,
     share: Annotated[
         str | None,
-        options.sweeps_option("K/N", "Run only share K of N, into a folder of its own; `merge` puts shares together."),
+        sweeps_option("K/N", "Run only share K of N, into a folder of its own; `merge` puts shares together."),
     ] = None,
     until: Annotated[
         str | None,
-        options.sweeps_option(
-            "10%", "Add trials until half of each interval's width is 10 % of T_sync; 3 means 3 cycles."
-        ),
+        sweeps_option("10%", "Add trials until half of each interval's width is 10 % of T_sync; 3 means 3 cycles."),
     ] = None,
     contrast: Annotated[
         str | None,
-        options.sweeps_option("KEY", "Apply --until to ratios, or differences in cycles, to the axis's first value."),
+        sweeps_option("KEY", "Apply --until to ratios, or differences in cycles, to the axis's first value."),
     ] = None,
     take_over: Annotated[
         bool,
-        options.sweeps_option(
+        sweeps_option(
             "--take-over", "Take a run folder over from a process that is gone, on a file system without locks."
         ),
     ] = False,
@@ -102,12 +96,9 @@ def run(
         (port is not None and not web, "--port is for --web"),
         (trace is None and relations, "--relations is for --trace"),
         (not has_rows and bool(memory), "--memory is for --trace, --record and --live"),
-        (workers is not None and dask is not None, "--workers and --dask exclude each other"),
+        (None not in (workers, dask), "--workers and --dask exclude each other"),
         (contrast is not None and until is None, "--contrast is for --until"),
-        (
-            until is not None and share is not None,
-            "--until and --share exclude each other: --until needs all trials of a point",
-        ),
+        (None not in (until, share), "--until and --share exclude each other: --until needs all trials of a point"),
     )
     outputs = {"--trace": (trace, [".parquet"]), "--film": (film, [".mp4"])}
     options.check_outputs({}, outputs, dict.fromkeys(outputs, ()))  # endings only: paths depend on the number of trials

@@ -111,7 +111,6 @@ def predict(
     as_csv: options.CsvOption = False,
 ) -> None:
     """Predict regimes and T_sync of SCENARIO from who hears whom, without a trial; for a sweep, a row a point."""
-    reject_first(options.both(as_json, as_csv))
     loaded = options.read_scenario(scenario, settings, axes, quick=quick)
     from epuck_sim.cli.tables import show
     from epuck_sim.theory.predict import predict_points, sweep_table
