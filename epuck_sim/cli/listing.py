@@ -56,7 +56,7 @@ def list_keys(ending: str) -> dict[str, dict[str, str]]:
             of_model[key] = f"{of_model.get(key, '')} {said}".lstrip()
     if not found:
         keys = [key.partition(":")[0] for _, key, _ in _every_key("")]
-        near = nearest_name(part, dict.fromkeys([*keys, *(name for key in keys for name in key.split("."))]))
+        near = nearest_name(part, {*keys, *".".join(keys).split(".")})
         meant = f", did you mean {near}?" if near else ""
         raise ScenarioError(f"{ending}: no section of scenarios has it{meant}; parameters: `list`, `list --measures`")
     return found
@@ -81,8 +81,7 @@ def _describe(kind: Kind, names: Iterable[str], describe: Callable[[Place], str]
             described[name] = describe(kind.named(name))
         except (EpuckSimError, SyntaxError, ValueError) as error:
             described[name] = str(error) if isinstance(error, EpuckSimError) else describe_error(error)
-        packages = [place.package for place in kind.offers[name] if place.package != OWN_PACKAGE]
-        if packages:
+        if packages := [place.package for place in kind.offers[name] if place.package != OWN_PACKAGE]:
             described[name] += f" (from {' and '.join(packages)})"
     return described
 
@@ -151,7 +150,8 @@ def _keys(section: type[ConfigModel], part: str, refused: Sequence[str], above: 
             default = f"; default: {json.dumps(value['default'])}" if "default" in value else ""
             if name != tag:
                 yield key, f"{docs[name]} ({allowed(value)}{default})"
-            for kind, said in re.findall(r"`(\w+)`[^:]*: (.+?)\.?(?=; `|$)", docs[tag]) if name == tag else ():
+                continue
+            for kind, said in re.findall(r"`(\w+)`[^:]*: (.+?)\.?(?=; `|$)", docs[tag]):
                 if kind in kinds:
                     yield f"{key}: {kind}", f"{said} (the default)" if kind == value.get("default") else said
 

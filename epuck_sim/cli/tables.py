@@ -127,19 +127,18 @@ def print_status(status: "Status", as_json: bool, looks: Table | None = None) ->
         print(f"\n{looks.to_text(terminal_width())}")
 
 
-def describe_failures(failures: "Sequence[Failure]") -> list[str]:
-    """Return a line for each kind of error, with the number of its trials; one that has one trial stays whole."""
+def describe_failures(failures: "Sequence[Failure]") -> Iterator[str]:
+    """Yield a line for each kind of error, with the number of its trials; one that has one trial stays whole."""
     kinds: dict[str, list[Failure]] = {}
     for failure in failures:
         kind = re.sub(r"(--point|--trial) \d+", r"\1 N", _OF_ONE_TRIAL.sub("", failure.error))
         kinds.setdefault(kind, []).append(failure)
-    lines = []
     for kind, (first, *others) in [*kinds.items()][:MOST_LISTED]:
         place = f"--point {first.point} --trial {first.trial}"
         said = f"{1 + len(others)} trials: {kind}; the first: {place}" if others else f"{place}: {first.error}"
-        lines.append(f"failed: {said}")
-    rest = sum(map(len, list(kinds.values())[MOST_LISTED:]))
-    return [*lines, f"and {rest} more"] if rest else lines
+        yield f"failed: {said}"
+    if rest := sum(map(len, [*kinds.values()][MOST_LISTED:])):
+        yield f"and {rest} more"
 
 
 def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:

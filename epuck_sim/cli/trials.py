@@ -77,11 +77,10 @@ def open_observers(
         from epuck_sim.overhead.filming import film_trial  # OpenCV and PyAV take a while
 
         factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), scenario, seed))
-    if not watched.live:
+    with ExitStack() as stack:
+        if watched.live:
+            factories.append(stack.enter_context(_viewer(watched, scenario, echo)))
         yield factories
-    else:
-        with _viewer(watched, scenario, echo) as factory:
-            yield [*factories, factory]
 
 
 @contextmanager
@@ -247,9 +246,8 @@ def sweep_into(
     if status.failed:
         mend = f"; a measure may be mended, or left out, first: {folder / RUN_SCENARIO} has its file"
         of_measure = any(" measure" in failure.error for failure in status.failed)
-        print_stderr(
-            f"{counted(len(status.failed), 'trial')} failed; run again to retry them: {again}{mend * of_measure}"
-        )
+        failed = counted(len(status.failed), "trial")
+        print_stderr(f"{failed} failed; run again to retry them: {again}{mend * of_measure}")
         raise typer.Exit(1)
 
 
