@@ -7,7 +7,7 @@ nothing of each other.
 import json
 import re
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from itertools import chain, starmap
 from pathlib import Path
@@ -94,17 +94,20 @@ def check_stored_points(folder: Path, connection: sqlite3.Connection, given: Seq
     `FAILED_MEASURES` may differ, or be left out: returns the names of those that do, whose values are to be dropped.
     """
     last = "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)"
-    stored, dropped = read_stored_points(connection, last, WITH_VALUES), set()
-    failed = {name for (name,) in connection.execute(FAILED_MEASURES)}
-    now = {point.key: json.loads(point.measures) for point in given if failed}
-    for place, point in enumerate(stored if failed else ()):
-        measures, measures_now = json.loads(point.measures), now.get(point.key, {})
-        changed = {name for name in failed & measures.keys() if measures[name] != measures_now.get(name)}
-        kept = {name: measure for name, measure in measures.items() if name not in changed}
-        stored[place] = point._replace(measures=json.dumps(kept))
-        dropped |= changed
-    check_same_sweep(folder, stored, given)
+    stored = read_stored_points(connection, last, WITH_VALUES)
+    now = {point.key: json.loads(point.measures) for point in given}
+    before = ((now.get(point.key, {}), json.loads(point.measures)) for point in stored)
+    dropped = {name for after, measures in before for name in measures if measures[name] != after.get(name)}
+    if dropped:
+        dropped &= {name for (name,) in connection.execute(FAILED_MEASURES)}
+    kept = [point._replace(measures=without(dropped, point.measures)) for point in stored]
+    check_same_sweep(folder, kept, given)
     return dropped
+
+
+def without(names: Set[str], values: str) -> str:
+    """Return values by name, as JSON, without those of some names."""
+    return json.dumps({name: value for name, value in json.loads(values).items() if name not in names})
 
 
 def check_same_sweep(

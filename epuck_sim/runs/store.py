@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.compatibility import WHOLE, Share, check_stored_points, read_share, stored_point
+from epuck_sim.runs.compatibility import WHOLE, Share, check_stored_points, read_share, stored_point, without
 from epuck_sim.runs.database import (
     ENTER_POINT,
     NULL,
@@ -125,12 +125,9 @@ class Store:
 
     def _drop(self, measures: set[str]) -> None:
         """Drop the stored values of measures, and warn of it."""
-        rows = []
-        for measured, *place in self._connection.execute("SELECT measured, point, trial FROM trials").fetchall():
-            values = json.loads(measured or "{}")
-            kept = {name: value for name, value in values.items() if name not in measures}
-            rows += [(json.dumps(kept) if kept else None, *place)] * (kept != values)
-        self._connection.executemany(f"UPDATE trials SET measured = ? {_OF_TRIAL}", rows)
+        stored = self._connection.execute("SELECT measured, point, trial FROM trials WHERE measured IS NOT NULL")
+        rows = [(without(measures, values), *at) for values, *at in stored if measures & json.loads(values).keys()]
+        self._connection.executemany(f"UPDATE trials SET measured = nullif(?, '{{}}') {_OF_TRIAL}", rows)
         sign(self._connection, "trials", [place for _, *place in rows])
         warnings.warn(
             f"{self._path.parent}: {' and '.join(sorted(measures))} failed in some trials, and was changed or left "
