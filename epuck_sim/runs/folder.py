@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -42,28 +43,18 @@ def database_of(folder: Path | str) -> Path:
 @contextmanager
 def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
     """Make a run folder if there is none, and lock or lease it in the block; yield a test whether it is still held."""
-    held: list[Callable[[], bool]] = []
-
-    def is_held() -> bool:
-        return all(each() for each in held)
-
-    def let_go() -> None:
-        if is_held():
-            (folder / HOLDER).unlink(missing_ok=True)
-
     with ExitStack() as stack:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             _check_no_foreign_files(folder)
             lock = stack.enter_context((folder / LOCK).open("ab"))
-            opened = os.fstat(lock.fileno())
-            held.append(lambda: is_at(folder / LOCK, opened))
             if _is_leased(folder):
-                held.append(stack.enter_context(_lease(folder)))
+                is_held = stack.enter_context(_lease(folder))
             else:
                 _lock(lock, WAIT_S)
                 (folder / HOLDER).write_text(own_name(), encoding="utf-8")
-            stack.callback(let_go)
+                is_held = partial(is_at, folder / LOCK, os.fstat(lock.fileno()))
+            stack.callback(lambda: is_held() and (folder / HOLDER).unlink(missing_ok=True))
             for path in folder.iterdir():
                 if is_leftover(path.name, DATABASE) or is_leftover(path.name, RUN_SCENARIO):
                     path.unlink()  # nobody else writes here: a killed command has left it
@@ -134,7 +125,7 @@ def _is_leased(folder: Path) -> bool:
 
 
 @contextmanager
-def _lease(folder: Path) -> Iterator[Callable[[], bool]]:
+def _lease(folder: Path) -> Iterator[partial[bool]]:
     """Hold the lease of a folder; yield a test whether it is still held, and not taken over."""
     path = folder / HOLDER
     if _is_lease_running(folder):
@@ -143,22 +134,22 @@ def _lease(folder: Path) -> Iterator[Callable[[], bool]]:
         file.write(own_name().encode())
         file.flush()
         part.replace(path)
-        own = os.fstat(file.fileno())
+        is_held = partial(is_at, path, os.fstat(file.fileno()))
         time.sleep(SETTLE_S)
-        if not is_at(path, own):
+        if not is_held():
             raise BlockingIOError
         over = threading.Event()
 
         def renew() -> None:
             while not over.wait(RENEW_S):
-                if is_at(path, own):
+                if is_held():
                     with suppress(OSError):
                         os.utime(path)
 
         thread = threading.Thread(target=renew, daemon=True)
         thread.start()
         try:
-            yield lambda: is_at(path, own)
+            yield is_held
         finally:
             over.set()
             thread.join()
