@@ -10,7 +10,7 @@ from pyarrow import csv, parquet
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import Value
 from epuck_sim.runs.database import RESULT, as_column, reading
-from epuck_sim.runs.reader import BLOCK, count_failed, measures_in
+from epuck_sim.runs.reader import BLOCK, measures_in
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -30,8 +30,8 @@ COLUMNS = {
 _AS_STORED = pa.schema({**COLUMNS, "censored": pa.int8(), "measured": pa.string(), "events": pa.string()})
 
 
-def export(folder: Path, target: Path) -> int:
-    """Write a row for each trial that has a result, ordered by point and trial; return the number that failed.
+def export(folder: Path, target: Path) -> None:
+    """Write a row for each trial that has a result, ordered by point and trial.
 
     The columns are those of `read_table`; a series is its JSON in CSV.
     """
@@ -40,7 +40,6 @@ def export(folder: Path, target: Path) -> int:
     table = read_table(folder, is_text=target.suffix == ".csv")
     with atomic_write(target) as part, part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
         WRITERS[target.suffix](table, file)
-    return count_failed(folder)
 
 
 def read_table(folder: Path, *, is_text: bool = False) -> Any:

@@ -9,7 +9,7 @@ import sqlite3
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import repeat
+from itertools import repeat, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -300,15 +300,12 @@ def read_status(folder: Path) -> Status:
             f"SELECT count(*), sum(censored), total(wall_s), ifnull(sum({_LIKE_FIRST}), 0) FROM trials", first
         ).fetchone()
         # usually all are like the first; grouping them takes four times as long
-        versions = [TrialsByOrigin._make((*first, like_first))] if trials else []
-        if like_first < trials:
-            others = f"SELECT {_ORIGIN}, count(*) FROM trials WHERE NOT {_LIKE_FIRST} GROUP BY {_ORIGIN}"
-            versions += (TrialsByOrigin(*row) for row in connection.execute(others, first))
+        grouped = f"SELECT {_ORIGIN}, count(*) FROM trials GROUP BY {_ORIGIN}"
+        origins = [(*first, trials)] if 0 < like_first == trials else connection.execute(grouped).fetchall()
         failed = connection.execute(
             "SELECT number, trial, seed, coalesce(error, measuring_error) AS problem FROM trials "
             "JOIN points ON point = key WHERE problem IS NOT NULL ORDER BY number, trial"
-        )
-        failures = [Failure(*row) for row in failed]
+        ).fetchall()
         unmeasured = 0
         if measures_in(connection):
             query = f"SELECT count(*) FROM trials WHERE error IS NULL AND {UNMEASURED}"
@@ -326,9 +323,9 @@ def read_status(folder: Path) -> Status:
         trials=sum(len(share.trials(*point)) for point in points),
         stored=stored,
         censored=censored if stored else 0,
-        failed=failures,
+        failed=list(starmap(Failure, failed)),
         wall_s=wall_s,
-        versions=sorted(versions),
+        versions=sorted(starmap(TrialsByOrigin, origins)),
         at_work=current_holder(folder),
         unmeasured=unmeasured,
         share=None if share == WHOLE else str(share),

@@ -83,7 +83,7 @@ def measure_sources(section: MeasureSection) -> NamedSources:
 
 def name_with_digest(path: str, sources: Mapping[Path, bytes]) -> str:
     """Return the name of a file, with the digest of its sources if there are any."""
-    digest = f" with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}" if sources else ""
+    digest = f" with digest {_hex(b''.join(sources.values()))[:12]}" if sources else ""
     return Path(path).name + digest
 
 
@@ -112,9 +112,8 @@ def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) ->
 
     files[root / RUN_SCENARIO] = write_yaml(_with_paths(keys, relative)).encode()
     named = {path.relative_to(root).as_posix(): data for path, data in files.items()}
-    digests = "".join(f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in named.items())
     was_trusted = is_trusted(folder)
-    write_files(folder, {**named, DIGESTS: digests.encode()})
+    write_files(folder, {**named, DIGESTS: _sums(named)})
     if was_trusted:  # the code that was added is what this user runs anyway
         trust(folder)
     return needed
@@ -187,12 +186,17 @@ def with_trials(sources: Mapping[str, bytes], trials: int) -> dict[str, bytes]:
     if not isinstance(keys, dict) or keys.get("trials", trials) >= trials:
         return dict(sources)
     after = write_yaml({**keys, "trials": trials}).encode()
-    digests = {DIGESTS: sources[DIGESTS].replace(_hex(before), _hex(after))} if DIGESTS in sources else {}
+    lines = (_sums({RUN_SCENARIO: each}) for each in (before, after))
+    digests = {DIGESTS: sources[DIGESTS].replace(*lines)} if DIGESTS in sources else {}
     return {**sources, RUN_SCENARIO: after, **digests}
 
 
-def _hex(data: bytes) -> bytes:
-    return hashlib.sha256(data).hexdigest().encode()
+def _hex(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _sums(files: Mapping[str, bytes]) -> bytes:
+    return "".join(f"{_hex(data)}  {name}\n" for name, data in files.items()).encode()
 
 
 def read_digests(folder: Path) -> dict[str, str] | None:
@@ -231,15 +235,10 @@ def code_in(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
-def _digest(code: dict[str, bytes]) -> str:
-    each = (f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in code.items())
-    return hashlib.sha256("".join(each).encode()).hexdigest()
-
-
 def is_trusted(folder: Path) -> bool:
     """Return whether a run folder has no code, or code that this user has put there by a run, or has trusted."""
     code = code_in(folder)
-    if not code or (digest := _digest(code)) in _trusted:
+    if not code or (digest := _hex(_sums(code))) in _trusted:
         return True
     try:
         return digest in _trusted_file().read_text(encoding="ascii").split()
@@ -251,7 +250,7 @@ def trust(folder: Path) -> None:
     """Trust the code that is in a run folder now; if that cannot be stored, for this process alone."""
     if is_trusted(folder):
         return
-    digest = _digest(code_in(folder))
+    digest = _hex(_sums(code_in(folder)))
     _trusted.add(digest)
     with suppress(OSError, RuntimeError):
         _trusted_file().parent.mkdir(parents=True, exist_ok=True)

@@ -94,10 +94,8 @@ class Store:
                 with new_database(self._path, list(points[0].axes), rows):
                     pass
             # before the points: the folder's own scenario must cover all that the database has
-            different = {
-                (row.controllers, row.measures): point.scenario for row, point in zip(rows, points, strict=True)
-            }
-            self._sources = write_sources(folder, scenario, different.values())
+            used = {(row.controllers, row.measures): point.scenario for row, point in zip(rows, points, strict=True)}
+            self._sources = write_sources(folder, scenario, used.values())
             stack.enter_context(sqlite_errors(self._path))
             self._connection = stack.enter_context(writing(self._path))
             opened = self._path.stat()
@@ -108,10 +106,9 @@ class Store:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
                 sign(self._connection, "points")
-                again = (
-                    f"UPDATE trials SET measuring_error = NULL WHERE measuring_error IS NOT NULL AND NOT {UNMEASURED}"
-                )
-                sign(self._connection, "trials", self._connection.execute(f"{again} RETURNING point, trial").fetchall())
+                measured = f"measuring_error IS NOT NULL AND NOT {UNMEASURED}"
+                mended = f"UPDATE trials SET measuring_error = NULL WHERE {measured} RETURNING point, trial"
+                sign(self._connection, "trials", self._connection.execute(mended).fetchall())
             self._has_measures = bool(measures_in(self._connection))
             columns = ("point", "trial", *points[0].axes, *Outcome._fields[2:-1], *PROVENANCE)
             self._with_sum = summing(self._connection, "trials", columns)

@@ -138,7 +138,7 @@ class Grown:
     [
         (reader, lambda folder: [len(point.times) for point in read_points(folder)], [3, 3, 3, 3]),
         (reader, lambda folder: read_status(folder)[1:4], (4, 12, 12)),
-        (exporting, lambda folder: export(folder, folder / "table.csv"), 0),
+        (exporting, lambda folder: export(folder, folder / "table.csv"), None),
     ],
     ids=["points", "status", "export"],
 )
