@@ -191,10 +191,8 @@ def estimate(measured: Measured, statistic: Statistic, resampled: FloatArray | N
         found = estimate_mean(measured)
     elif statistic == Statistic.MEDIAN:
         found = estimate_median(measured)
-    elif statistic == Statistic.WEIBULL_MEAN:
-        found = estimate_weibull_mean(measured, resampled)
     else:
-        raise _unknown(statistic)
+        found = estimate_weibull_mean(measured, resampled)
     return measured.described(found, name)
 
 

@@ -74,22 +74,19 @@ def short_yaml(value: object) -> str:
     return cut(in_yaml(value), 60)
 
 
-def in_yaml(value: object) -> str:
+def in_yaml(value: object, *, is_inside: bool = False) -> str:
     """Return a value as a line of YAML; inside lists and mappings, words stand without quotes.
 
     >>> in_yaml([{"shape": "box", "is_low": True}, None, 0.5]), in_yaml("box")
     ('[{shape: box, is_low: true}, null, 0.5]', "'box'")
     """
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {_inside(each)}' for key, each in value.items())}}}"
+        return f"{{{', '.join(f'{key}: {in_yaml(each, is_inside=True)}' for key, each in value.items())}}}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_inside, value))}]"
+        return f"[{', '.join(in_yaml(each, is_inside=True) for each in value)}]"
+    if is_inside and isinstance(value, str) and value.isidentifier() and value not in ("null", "true", "false"):
+        return value
     return str(value).lower() if isinstance(value, bool) else "null" if value is None else repr(value)
-
-
-def _inside(value: object) -> str:
-    is_word = isinstance(value, str) and value.isidentifier() and value not in ("null", "true", "false")
-    return str(value) if is_word else in_yaml(value)
 
 
 def cut(text: str, most: int) -> str:
