@@ -1,6 +1,5 @@
 """Writing files that appear under their names only when they are whole, or that grow line by line."""
 
-import errno
 import glob
 import os
 import shutil
@@ -118,12 +117,9 @@ def check_target(path: Path) -> None:
 
 
 def _reason_against(path: Path) -> str:
-    try:
-        path.stat()
-    except OSError as error:
-        if error.errno == errno.ELOOP:
-            return "is a link that leads to itself"
     path = _behind_links(path)
+    if path.is_symlink():
+        return "is a link that leads to itself"
     if path.is_dir():
         return "is a directory"
     if not path.name or path.name == "..":
