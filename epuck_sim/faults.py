@@ -80,11 +80,7 @@ def _in_ms(time_s: float) -> float:
 
 
 def restart_faults(
-    faults: RecordArray,
-    affected: RecordArray,
-    sections: Sequence[FaultSection],
-    seed: int,
-    child: int,
+    faults: RecordArray, affected: RecordArray, sections: Sequence[FaultSection], seed: int, child: int
 ) -> None:
     """Begin a trial: draw, by a child of its seed, who may have each fault, and when random ones begin first."""
     states = affected.reshape(len(sections), -1)

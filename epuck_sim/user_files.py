@@ -169,12 +169,10 @@ def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
     @wraps(load)
     def load_if_new(place: Place) -> _Loaded:
         with _loading:
-            if place in loaded:
-                stamps, found = loaded[place]
-                if stamps == _stamps(found):
-                    return found
-            found = load(place)
-            loaded[place] = _stamps(found), found
+            stamps, found = loaded.get(place, ([], None))
+            if found is None or stamps != _stamps(found):
+                found = load(place)
+                loaded[place] = _stamps(found), found
             return found
 
     return load_if_new
@@ -374,9 +372,8 @@ def record_type(fields: Mapping[str, Any], most: int = MOST_NUMBERS) -> np.dtype
             raise ValueError(f"{name!r} is {field!r}; allowed: {allowed}")
         if not isinstance(name, str) or not name.isidentifier() or hasattr(np.recarray, name):
             raise ValueError(f"{name!r} is not a name that a record can have, or numpy needs it; choose another")
-        columns.append((name, np.float64 if kind is float else np.int64, *shape))
-    record = np.dtype(columns or [("nothing", np.int64)], align=True)
-    for name in fields:
-        if not 0 < math.prod(own := record[name].shape) <= most:
-            raise ValueError(f"{name!r} has the shape {own}; allowed: 1 to {most} numbers")
-    return record
+        own = np.dtype((np.float64 if kind is float else np.int64, *(shape or [()])))
+        if not 0 < math.prod(own.shape) <= most:
+            raise ValueError(f"{name!r} has the shape {own.shape}; allowed: 1 to {most} numbers")
+        columns.append((name, own))
+    return np.dtype(columns or [("nothing", np.int64)], align=True)
