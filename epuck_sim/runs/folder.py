@@ -43,6 +43,11 @@ def database_of(folder: Path | str) -> Path:
 @contextmanager
 def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
     """Make a run folder if there is none, and lock or lease it in the block; yield a test whether it is still held."""
+
+    def let_go() -> None:
+        if is_held():
+            (folder / HOLDER).unlink(missing_ok=True)
+
     with ExitStack() as stack:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -54,7 +59,7 @@ def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
                 _lock(lock, WAIT_S)
                 (folder / HOLDER).write_text(own_name(), encoding="utf-8")
                 is_held = partial(is_at, folder / LOCK, os.fstat(lock.fileno()))
-            stack.callback(lambda: is_held() and (folder / HOLDER).unlink(missing_ok=True))
+            stack.callback(let_go)
             for path in folder.iterdir():
                 if is_leftover(path.name, DATABASE) or is_leftover(path.name, RUN_SCENARIO):
                     path.unlink()  # nobody else writes here: a killed command has left it

@@ -186,8 +186,8 @@ def with_trials(sources: Mapping[str, bytes], trials: int) -> dict[str, bytes]:
     if not isinstance(keys, dict) or keys.get("trials", trials) >= trials:
         return dict(sources)
     after = write_yaml({**keys, "trials": trials}).encode()
-    lines = (_sums({RUN_SCENARIO: each}) for each in (before, after))
-    digests = {DIGESTS: sources[DIGESTS].replace(*lines)} if DIGESTS in sources else {}
+    line, new_line = (_sums({RUN_SCENARIO: each}) for each in (before, after))
+    digests = {DIGESTS: sources[DIGESTS].replace(line, new_line)} if DIGESTS in sources else {}
     return {**sources, RUN_SCENARIO: after, **digests}
 
 
