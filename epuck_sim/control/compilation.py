@@ -15,7 +15,7 @@ from epuck_sim.control.names import first_use
 from epuck_sim.errors import ControllerError, EpuckSimError
 from epuck_sim.user_files import fingerprint
 from epuck_sim.util.jit import bind, digest, digest_of_room, kernel_digest, name_after
-from epuck_sim.util.native import WITHOUT_WRAPPERS, compile_call
+from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, WITHOUT_WRAPPERS, compile_cached
 
 _compiled: dict[Hashable, Any] = {}
 
@@ -45,7 +45,9 @@ def compile_for(
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", numba.NumbaWarning)
-                _compiled[key] = compile_call(bound, contents_digest, *takes)
+                to_call = compile_cached(name_after(bound, contents_digest), contents_digest, careful=True)
+                to_call.compile(takes or (BLOCK, ADDRESSES, INTP))
+                _compiled[key] = to_call
         except Exception as refusal:  # numba's own errors, and what escapes it
             instead = "; --interpret runs it as plain Python" if error is ControllerError else ""
             raise error(explain_refusal(refusal, user.sources, instead)) from refusal

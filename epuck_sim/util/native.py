@@ -26,7 +26,7 @@ from typing import Any, cast
 import numpy as np
 
 from epuck_sim.errors import NumbaError
-from epuck_sim.util.jit import PACKAGE, Function, Kernel, digest, name_after, open_cache
+from epuck_sim.util.jit import PACKAGE, Function, Kernel, digest, open_cache
 
 try:
     import numba
@@ -261,16 +261,6 @@ def function_address(function: Any) -> int:
     """Return the address at which compiled code calls a function of one signature, which numba has compiled."""
     (result,) = function.overloads.values()
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
-
-
-def compile_call(function: Any, contents_digest: str, *takes: Any) -> Any:
-    """Compile a function to be called by its address, with arguments (block, addresses, number), or of types `takes`.
-
-    It raises the errors that Python would.
-    """
-    compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True)
-    compiled.compile(takes or (BLOCK, ADDRESSES, INTP))
-    return compiled
 
 
 @cache

@@ -102,8 +102,8 @@ def test_a_file_of_several_groups_is_compiled_once_and_an_edited_one_anew(files,
     assert Simulation(scenario(controller="external"), 1).advance(1).readings["own_number"][3] == 30
     files(ground=GROUND.replace("3.0", "3.125"), sees=FOLLOWER.replace("5.0", "5.125"))
     compiled = []
-    monkeypatch.setattr(compilation, "compile_call", lambda *given, make=compilation.compile_call: (
-        compiled.append(given[0].__name__), make(*given))[1])  # fmt: skip
+    monkeypatch.setattr(compilation, "compile_cached", lambda *given, make=compilation.compile_cached, **options: (
+        compiled.append(given[0].__name__), make(*given, **options))[1])  # fmt: skip
     group = {"count": 2, "controller": "sees.py", "sensors": ["ground.py"]}
     given = {"robots": [group, group, {**group, "sensors": [{"ground.py": {"noise": 0.1}}]}]}
     Simulation(given, 1).advance(3)
