@@ -1,6 +1,5 @@
 """Controllers on the command line: which one runs, what is said of errors in them; and mistakes as far-fetched."""
 
-import re
 import sys
 from io import StringIO
 from types import SimpleNamespace
@@ -62,11 +61,6 @@ def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it
     first, second = scenario.robots
     assert (first.count, first.parameters) == (1, {"speed_cm_s": 5.0, "gain": 2.0})
     assert (second.count, second.parameters) == (2, {"speed_cm_s": 1.0, "gain": 2.0})
-    write(tmp_path, mine=with_parameters("{'speed_cm_s': 1.0}"))
-    result = call("run", "thesis", "--controller", "mine.py", "--interpret", *SHORT)
-    assert result.exit_code == 0
-    lacking = "period_s, coupling, flash_fraction, refractory_fraction"
-    assert re.fullmatch(rf"note: thesis: mine lacks parameters {lacking}: left out\n", result.stderr)
     with pytest.warns(UserWarning, match="constant lacks"):
         scenario = load_scenario("thesis", ["robots.0.parameters.left_cm_s=2"], controller="constant")
     assert scenario.robots[0].parameters["left_cm_s"] == 2.0

@@ -140,15 +140,8 @@ def test_ring_is_found_however_late_it_is_lit_and_a_film_without_light_is_refuse
             calibrated(frames)
 
 
-def test_options_that_leave_less_than_two_frames_are_blamed() -> None:
-    for options, said in [
-        (TrackOptions(start_s=9.0), r"^--start-s is 9, but the film ends at 0\.3 s; allowed: less$"),
-        (TrackOptions(end_s=0.02), r"^--end-s is 0\.02, which leaves 1 of the film's frames; allowed: more"),
-        (TrackOptions(start_s=0.11, end_s=0.12), r"^--end-s is 0\.12, which leaves 0 of the film's frames"),
-    ]:
-        with pytest.raises(FilmError, match=said):
-            list(calibration.excerpt(plain(0, 10), options))
-    assert len(list(calibration.excerpt(plain(0, 1), TrackOptions(end_s=0.02)))) == 1  # the film's own fault
+def test_of_a_film_of_one_frame_no_option_is_blamed() -> None:
+    assert len(list(calibration.excerpt(plain(0, 1), TrackOptions(end_s=0.02)))) == 1
 
 
 NO_RINGS = SeenRings(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
@@ -210,18 +203,6 @@ def test_corners_come_in_any_order_of_arenas_that_are_no_square_and_a_pixel_off_
         assert worst_cm(by_corners(corners, camera[:2]), camera) < 0.35
     camera = camera_of(distortion=-0.05)
     assert worst_cm(by_corners(camera.project(FLOOR)), camera) < 0.2
-
-
-def test_corners_that_cannot_be():
-    for corners, why in [
-        ([(10, 10), (400, 10), (150, 150), (10, 400)], "no.*convex quadrilateral"),
-        ([(10, 10), (400, 10), (400, 400), (10, 10)], "convex quadrilateral"),
-        ([(10, 10), (980, 10), (400, 400), (10, 400)], "980,10.*far outside of the picture of 480 x 480 px"),
-        ([(-500, 10), (400, 10), (400, 400), (10, 400)], "-500,10.*far outside"),
-        ([(10, 10), (40, 10), (40, 40), (10, 40)], "shortest side is 30 px.*at least 48"),
-    ]:
-        with pytest.raises(FilmError, match=rf"^--corners .*{why}"):
-            by_corners(corners)
 
 
 def off_px(camera, corners):
@@ -390,23 +371,3 @@ def test_a_board_that_is_never_or_always_tilted_alike_does_not_determine_a_lens(
     assert calibrate_lens("film", views, SIZE, is_fisheye).focal_px == pytest.approx(450, rel=0.02)
     with pytest.raises(FilmError, match=r"^film: the views of the board do not determine a lens; show it tilted"):
         calibrate_lens("film", views_of_a_board([tilt_deg] * 12, is_fisheye), SIZE, is_fisheye)
-
-
-def test_files_that_are_no_lens_of_this_camera_are_refused(tmp_path) -> None:
-    path = tmp_path / "lens.json"
-    told = (
-        '{"width_px": 640, "height_px": 480, "focal_px": 500, "focal_down_px": 500, "middle_px": [319, 239],'
-        ' "coefficients": [0, 0, 0, 0], "is_fisheye": false}'
-    )
-    with pytest.raises(FilmError, match=r"lens\.json: no such file"):
-        read_lens(path, (480, 480))
-    for text, why in [
-        ("nothing", "is not a lens"),
-        ("{}", "is not a lens"),
-        (told.replace("500", "-5"), "is not a lens"),
-        ("[" * 100_000, "is not a lens"),
-        (told, "was calibrated for pictures of 640 x 480 px, but these are 480 x 480"),
-    ]:
-        path.write_text(text)
-        with pytest.raises(FilmError, match=rf"lens\.json: {why}"):
-            read_lens(path, (480, 480))

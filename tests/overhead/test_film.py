@@ -153,13 +153,8 @@ def test_a_film_that_was_cut_off_or_damaged_says_so(tmp_path, capfd):
 
 
 def test_what_is_no_film_and_an_mp4_film_without_its_index(tmp_path, capfd):
-    for name, content, said in [
-        ("film.mp4", b"", "is empty"),
-        ("film.txt", b"Dear diary,\nit rained.\n" * 40, "is a text file, not a film"),
-        ("film.avi", bytes(range(256)) * 20, "cannot be read as a film"),
-    ]:
-        (tmp_path / name).write_bytes(content)
-        assert said in refusal(tmp_path / name)
+    (tmp_path / "film.avi").write_bytes(bytes(range(256)) * 20)
+    assert "cannot be read as a film" in refusal(tmp_path / "film.avi")
     cv2.imwrite(str(tmp_path / "picture.png"), np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8))
     assert "none of its pictures can be decoded" in refusal(cut_off(tmp_path / "picture.png", 0.01))
     for name, codec in (("song.wav", "pcm_s16le"), ("song.m4a", "aac")):
@@ -326,7 +321,6 @@ def test_keyframes_come_regularly_though_lights_flash_and_frames_closer_than_a_t
 
 def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
     for name, size, why in [
-        ("film.avi", SIDE, r"film\.avi: is not a film's name; allowed: names that end in \.mp4"),
         ("film.mp4", (97, 64), "97 x 64 pixels; allowed: even"),
         ("film.mp4", (96, 65), "96 x 65 pixels; allowed: even"),
         ("film.mp4", SIDE, "has no frame"),

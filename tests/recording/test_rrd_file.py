@@ -219,9 +219,6 @@ def two_in_one(path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda _: None, "there is no such file"),
-        (Path.mkdir, "is not a file"),
-        (lambda path: path.write_bytes(b"Not a recording, but a text.\n" * 50), "is not a recording"),
         (lambda path: path.write_bytes(layout_file(arrangement_of(SCENARIO, Level.FULL))), "holds 0 recordings"),
         (lambda path: written(path, "other"), "made by other; allowed: one made by epuck-sim"),
         (lambda path: written(path, "epuck-sim"), "this version of epuck-sim reads format 1"),
