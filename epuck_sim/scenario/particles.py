@@ -389,9 +389,8 @@ class ParticleScenario(Scenario):
         agents, period_s = self.agents, self.clocks.period_s
         fastest_cm_s = MOST_SIDES * self.space.side_cm / period_s
         check_range("agents.speed_cm_s", agents.speed_cm_s, 0, fastest_cm_s, f", {MOST_SIDES} sides a period")
-        check_range(
-            "agents.walk.run_s", agents.walk.run_s, period_s / MOST_RUNS, LARGEST, f", up to {MOST_RUNS} runs a period"
-        )
+        why = f", up to {MOST_RUNS} runs a period"
+        check_range("agents.walk.run_s", agents.walk.run_s, period_s / MOST_RUNS, LARGEST, why)
         if isinstance(self.neighbourhood, Nearest | RandomAgents):
             why = f", because agents.count is {agents.count}"
             check_range("neighbourhood.k", self.neighbourhood.k, 1, max(others, 1), why)

@@ -261,9 +261,7 @@ def resolve_group(
     group: RobotGroup, step_ms: int, origin: str, folder: Path | None, *, controller_is_swept: bool
 ) -> RobotGroup:
     """Return the group with all parameters and the paths of its files; a controller that is swept stays as it is."""
-    resolved = {
-        name: resolve_sensor(given, f"{origin}.sensors.{name}", folder) for name, given in group.sensors.items()
-    }
+    resolved = {name: resolve_sensor(own, f"{origin}.sensors.{name}", folder) for name, own in group.sensors.items()}
     sensors = {name: {FILE: sensor.stored_name, **parameters} for name, (sensor, parameters) in resolved.items()}
     if controller_is_swept:
         return group.model_copy(update={"sensors": sensors})
