@@ -147,9 +147,8 @@ def case_values(kind: str, name: str) -> dict[str, Any]:
 
 def scenario(name: str) -> dict[str, Any]:
     """Return the golden values of a shipped scenario."""
-    return (
-        agents(name, is_case=False) if load_scenario(name).model == "particles" else robots(name, felt_of_shipped, 11)
-    )
+    is_of_agents = load_scenario(name).model == "particles"
+    return agents(name, is_case=False) if is_of_agents else robots(name, felt_of_shipped, 11)
 
 
 def outcomes(name: str, seeds: range) -> list[list[Any]]:

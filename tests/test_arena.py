@@ -169,6 +169,5 @@ def test_light_is_that_of_rays_from_each_lamp(seed):
     for point in points:
         ways = [math.dist((*point, 0), lamp[:3]) for lamp in lamps]
         slow.append(sum(s * h**2 / way**2 * (h / way) for (_, _, h, s), way in zip(lamps, ways, strict=True)))
-    np.testing.assert_allclose(
-        light_at(replace(make_arena(100, 100, [], []), lamps=np.reshape(lamps, (-1, 4))), *points.T), slow, rtol=1e-12
-    )
+    arena = replace(make_arena(100, 100, [], []), lamps=np.reshape(lamps, (-1, 4)))
+    np.testing.assert_allclose(light_at(arena, *points.T), slow, rtol=1e-12)

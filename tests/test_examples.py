@@ -77,10 +77,8 @@ def test_it_learns_to_synchronise_sooner_than_the_thesis(examples):
     learn_response = examples("learn_response")
     with ThreadPoolExecutor(1) as executor:  # all trials take place in one simulation
         *_, last = learn_response.evolve(executor, generations=2)
-        thesis, learnt = (
-            learn_response.held_out(executor, response, learn_response.SPEED_CM_S, 60)
-            for response in (learn_response.THESIS, last.response)
-        )
+        both, speed = (learn_response.THESIS, last.response), learn_response.SPEED_CM_S
+        thesis, learnt = (learn_response.held_out(executor, each, speed, 60) for each in both)
     (comparison,) = compare(Samples(["thesis", "learnt"], [({}, [thesis, learnt])]))
     (point,) = comparison.points
     assert point.ratio.high < 0.5

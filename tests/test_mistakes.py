@@ -138,9 +138,7 @@ ROWS = yaml.load(Path(__file__).with_name("mistakes.yaml").read_text(encoding="u
 
 
 @pytest.mark.parametrize("row", list(map(marked, ROWS)))
-def test_a_mistake_ends_the_command_with_one_message_and_before_any_trial_unless_it_is_late(
-    row, shelf, tmp_path, monkeypatch
-) -> None:
+def test_a_mistake_ends_the_command_with_one_message_before_any_trial(row, shelf, tmp_path, monkeypatch) -> None:
     for name in row.get("beside", ()):
         if not (shelf / name).exists():
             MAKERS[name](shelf / name)

@@ -212,10 +212,8 @@ def test_an_entry_point_without_a_file_is_warned_of_once_with_its_package_and_ev
     assert (result.exit_code, result.stderr.count("note: night offers the controller")) == (0, 1)
     look_again()
     said = call("run", "pair", "--controller", "dark").stderr.splitlines()
-    assert [line.partition(" '")[0] for line in said] == [
-        "note: night offers the controller",
-        "error: pair: --controller dark: unknown",
-    ]
+    both = ["note: night offers the controller", "error: pair: --controller dark: unknown"]
+    assert [line.partition(" '")[0] for line in said] == both
     install(site, "night", "scenarios", "dark", module)
     look_again()
     assert call("run", "dark").stderr.startswith("note: night offers the scenario 'dark'")

@@ -35,9 +35,8 @@ def main(speed: float, counts: list[int]) -> None:
         cost_ns(simulation, 1 + FIRINGS // agents)
         later = min(cost_ns(simulation, 1 + FIRINGS // agents) for _ in range(CYCLES))
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        print(
-            f"{agents:9,} agents: made in {made_s:.2f} s; {first:6.0f} {second:6.0f} {later:6.0f} ns; {memory:.0f} MB"
-        )
+        costs = f"{first:6.0f} {second:6.0f} {later:6.0f} ns"
+        print(f"{agents:9,} agents: made in {made_s:.2f} s; {costs}; {memory:.0f} MB")
 
 
 if __name__ == "__main__":

@@ -73,19 +73,16 @@ def test_parameters_of_controllers_are_explained_by_the_comments_in_their_files_
     assert fast.startswith("V, straight ahead (external_ring, firefly, obstacle_avoidance, ")
     assert (slow, none) == ("12.8) the speed while the ring is lit (pushing;", "2.0)")
     assert list(explained["model: particles"]) == ["agents.speed_cm_s"]
-    assert read("list", "robots.0.parameters.speed_cm_s") == {
-        "model: embodied": {key: explained["model: embodied"][key]}
-    }
+    of_robots = {"model: embodied": {key: explained["model: embodied"][key]}}
+    assert read("list", "robots.0.parameters.speed_cm_s") == of_robots
     constant = read("list", "parameters.ring_on")["model: embodied"]
     assert constant == {"robots.N.parameters.ring_on": "(constant; default: false)"}
 
 
 def test_kinds_are_explained_and_those_that_a_model_refuses_are_not_listed() -> None:
     of_robots, of_agents = (read("list", "faults")[f"model: {model}"] for model in ("embodied", "particles"))
-    fewer = {f"faults.N.{key}" for key in ("robots", "jitter", "sensor")} | {
-        f"faults.N.kind: {kind}" for kind in NOT_OF_AGENTS
-    }
-    assert of_robots.keys() - of_agents.keys() == fewer
+    fewer = [*("robots", "jitter", "sensor"), *(f"kind: {kind}" for kind in NOT_OF_AGENTS)]
+    assert of_robots.keys() - of_agents.keys() == {f"faults.N.{key}" for key in fewer}
     assert of_agents.keys() - of_robots.keys() == {"faults.N.agents"}
     assert of_robots["faults.N.kind: ring_stuck_on"] == "it stays lit"
     assert of_robots["faults.N.kind: sensor_dead"] == "A sensor in a file of its own reads 0"
@@ -173,10 +170,8 @@ def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_the
     done = subprocess.run([sys.executable, "-c", WITHOUT], **given, stdout=subprocess.PIPE, text=True, check=True)
     ended = json.loads(done.stdout)
     assert [code for code, _ in ended[: len(whole)]] == [0] * len(whole), ended
-    assert ended[len(whole) :] == [
-        [2, f'error: this needs {package}, which is not installed: pip install "epuck-sim[{extra}]"\n']
-        for package, extra in LACKING.values()
-    ]
+    said = 'error: this needs {}, which is not installed: pip install "epuck-sim[{}]"\n'
+    assert ended[len(whole) :] == [[2, said.format(*each)] for each in LACKING.values()]
 
 
 @pytest.mark.parametrize(

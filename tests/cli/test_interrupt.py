@@ -121,7 +121,6 @@ def importing(folder: Path, end: str) -> subprocess.Popen:
 @pytest.mark.parametrize(
     ("end", "request_"),
     [("while True:\n    pass\n", signal.SIGTERM), ("import re\nre.match('(a*)*b', 'a' * 40)\n", signal.SIGINT)],
-    ids=["loops", "matches"],
 )
 def test_one_request_ends_an_import_that_never_does(tmp_path, end: str, request_) -> None:
     process = importing(tmp_path, end)

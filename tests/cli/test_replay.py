@@ -149,9 +149,7 @@ def test_a_trial_that_comes_out_otherwise_than_stored_is_noted(swept, here, view
     assert views.show.call_count == len(list(here.glob("*.rrd"))) == 1
 
 
-def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_its_end_or_a_moment(
-    pair, here, views
-) -> None:
+def test_a_recording_is_served_with_an_address_or_drawn_at_its_end_or_a_moment(pair, here, views) -> None:
     for arguments, port in (([], 9090), (["--port", "1234"], 1234)):
         result = call("replay", pair, "--web", *arguments)
         assert (result.exit_code, result.stdout) == (0, f"{ADDRESS}:{port}\n")
@@ -167,10 +165,8 @@ def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_its_en
         pass
     result = call("replay", here / "empty.rrd", "--screenshot", "p.png")
     assert (result.exit_code, "empty.rrd: holds no moment of a trial" in result.stderr) == (2, True)
-    with (
-        pytest.raises(RecordingError, match="level is 'half'; allowed: summary, poses, full"),
-        record("e.rrd", None, 1, "half"),
-    ):
+    refusal = pytest.raises(RecordingError, match="level is 'half'; allowed: summary, poses, full")
+    with refusal, record("e.rrd", None, 1, "half"):
         pass
 
 

@@ -123,10 +123,8 @@ def test_compare_prints_points_and_what_holds_over_all_and_plan_how_long_more_tr
     assert f"B / A = {Estimate(**found['ratio'])}, the geometric mean of 4 points; p <= 0.0002" in stdout
     speeds = read("compare", first, "--points", "0,1", "--points", "2,3")
     assert [speeds["a"], speeds["b"]] == [f"{first}, place 1", f"{first}, place 2"]
-    assert [point["axes"] for point in speeds["points"]] == [
-        {"points": "0, 1", COUNT: 5},
-        {"points": "2, 3", COUNT: 10},
-    ]
+    axes = [{"points": "0, 1", COUNT: 5}, {"points": "2, 3", COUNT: 10}]
+    assert [point["axes"] for point in speeds["points"]] == axes
     more = "plan", first, "--trials", 100_060, "--workers", 4
     stdout, duration = called(*more), read(*more)["duration"]
     assert "4 points, 100060 trials each: 400000 are left: 7 min of computing, 2 min with 4 workers." in stdout

@@ -92,7 +92,8 @@ def test_of_what_happens_in_a_trial_nothing_is_noted() -> None:
     frozen = [{"kind": "oscillator_frozen", **whom} for whom in ({"count": 0}, {"robots": [1, 2], "share": 0.5})]
     begins = {"faults": [{"kind": "ring_dead", "at_s": 9}, *frozen], "stop": {"max_time_s": 9.5}}
     comes_back = {"schedule": [{"at_s": 5, "add": [1]}, {"at_s": 2, "remove": [1]}]}
-    for given in (begins, comes_back, {"robots": [{"count": 3, "parameters": {"flash_pixels": 2}}]}):
+    reached = {"model": "particles", "clocks": {"jitter": 0.01}, "stop": {"order_parameter": 0.95}}
+    for given in (begins, comes_back, reached, {"robots": [{"count": 3, "parameters": {"flash_pixels": 2}}]}):
         assert load_scenario(given).notes == []
     ends = {"model": "particles", "schedule": [{"at_s": 9, "displace": {"by_cycles": 1}}], "stop": {"max_time_s": 9}}
     assert load_scenario(ends).notes == []

@@ -193,7 +193,7 @@ def test_censored_points_are_hollow_and_undetermined_ones_crosses_side_by_side_o
 
 
 @pytest.mark.parametrize("law", [lambda point: weibull(point, 250), lambda point: made_folders.censored(point, 9)])
-def test_a_dotted_line_is_the_limit_at_which_all_censored_trials_are_if_it_is_not_far_above(law) -> None:
+def test_a_dotted_line_is_the_limit_of_all_censored_trials_if_near_and_a_long_one_a_power_of_ten(law) -> None:
     for limits, expected in (([100, 200, 200, 300, 300], []), ([300] * 5, [300])):
         zipped = {"zip": {SPEED: MANY_SPEEDS[:5], made_folders.LIMIT: limits}}
         panel = read_form(in_memory(sweep(None, 40, sweep=zipped), law), {}).draw_figure().axes[0]
@@ -201,9 +201,6 @@ def test_a_dotted_line_is_the_limit_at_which_all_censored_trials_are_if_it_is_no
         assert [line.get_ydata()[0] for line in lines] == expected
     assert "limit: 300 cycles" in legend_texts(panel.figure)
     assert panel.get_ylim()[0] < 300 < panel.get_ylim()[1] < 2000
-
-
-def test_a_long_limit_is_a_power_of_ten() -> None:
     scenario = sweep({SPEED: [1, 2]}, 20, stop={"max_cycles": 10**7})
     figure = read_form(in_memory(scenario, lambda point: weibull(point, 1e7)), {}).draw_figure()
     assert "limit: $10^{7}$ cycles" in legend_texts(figure)
@@ -257,15 +254,12 @@ def test_many_decades_are_labelled_by_powers_of_ten_that_do_not_overlap_and_a_na
 
 
 def test_labels_of_curves_say_what_tells_them_apart() -> None:
-    sides, files = (40, 60.5), ("/me/kura.py", "/me/mine.py", "/you/mine.py")
+    squares = [{WIDTH: side, made_folders.HEIGHT: side, COUNT: 10, SPEED: 1} for side in (40, 60.5)]
+    files = "/me/kura.py", "/me/mine.py", "/you/mine.py"
     controllers = [f"controller = {name}" for name in ("kura", *files[1:])]
     for axes, axis, labels in [
         ([{COUPLING: 0.1}], SPEED, []),
-        (
-            [{WIDTH: n, made_folders.HEIGHT: n, COUNT: 10, SPEED: 1} for n in sides],
-            PERIOD,
-            ["L = 40 cm", "L = 60.5 cm"],
-        ),
+        (squares, PERIOD, ["L = 40 cm", "L = 60.5 cm"]),
         ([{"robots.0.controller": file} for file in files], SPEED, controllers),
         ([{"robots.1.parameters.speed_cm_s": n} for n in (1, 2)], SPEED, [f"V of robots.1 = {n} cm/s" for n in (1, 2)]),
     ]:

@@ -114,11 +114,7 @@ def test_a_gap_in_the_film_is_empty_in_the_figure_and_its_spread_is_an_empty_dot
     assert "frames are missing" in [line.get_label() for line in detector.get_lines()]
 
 
-@pytest.mark.parametrize(
-    ("film", "snapshot"),
-    [(LONG, PICTURE), (make_track(0, seconds=0.15), None)],
-    ids=["synchronised", "two frames"],
-)
+@pytest.mark.parametrize(("film", "snapshot"), [(LONG, PICTURE), (make_track(0, seconds=0.15), None)])
 def test_figure_and_table_are_written_for_films_of_any_length(tmp_path, film, snapshot):
     files = save_track_figure(tmp_path / "track.png", film, snapshot)
     assert files == [tmp_path / "track.png", tmp_path / "track.csv"]

@@ -110,17 +110,14 @@ def test_the_scale_is_as_asked_for(form: str, scale: str) -> None:
 
 
 def test_axes_are_those_asked_for_or_else_the_scenario_s() -> None:
+    violins = {"form": "violins", "x": COUNT, "censored_at_cycles": 30}
     for figure, options, expected in [
         ({}, {"form": "map", "y": WIDTH}, {"x": SPEED, "y": WIDTH}),
         ({"form": "map", "y": COUNT}, {}, {"x": SPEED, "y": COUNT}),
         ({"form": "map", "x": WIDTH, "y": COUNT}, {"y": SPEED}, {"x": WIDTH, "y": SPEED}),
         ({}, {"form": "violins"}, {"axis": SPEED, "censored_at": None}),
-        ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, {}, {"axis": COUNT, "censored_at": 30}),
-        (
-            {"form": "violins", "x": COUNT, "censored_at_cycles": 30},
-            {"x": WIDTH, "censored_at_cycles": 20},
-            {"axis": WIDTH, "censored_at": 20},
-        ),
+        (violins, {}, {"axis": COUNT, "censored_at": 30}),
+        (violins, {"x": WIDTH, "censored_at_cycles": 20}, {"axis": WIDTH, "censored_at": 20}),
         ({"form": "map", "x": COUNT, "y": SPEED}, {"form": "curves"}, {"axis": COUNT}),
         ({"panels": COUNT}, {"x": COUNT}, {"axis": COUNT, "split_by": None}),
     ]:
@@ -145,10 +142,8 @@ def test_folders_are_told_apart_by_their_names_in_the_figure_the_table_and_the_c
     (panel,) = form.draw_figure().axes
     assert panel.get_legend_handles_labels()[1][:3] == ["mine, N = 3", "mine, N = 5", "thesis, N = 3"]
     assert [*written(form.tables[".csv"])[0]][:3] == ["folder", COUNT, SPEED]
-    assert form.caption.splitlines()[:2] == [
-        "mine: demo (scenario demo, seed 0, run folder run).",
-        "thesis: other (scenario other, seed 0, run folder run).",
-    ]
+    told = (f"{name} (scenario {name.split()[1]}, seed 0, run folder run)." for name in ("mine: demo", "thesis: other"))
+    assert form.caption.splitlines()[:2] == [*told]
     alone = [figures.plot(folder).axes[0].get_lines() for folder in folders]
     drawn = {tuple(line.get_ydata()) for lines in alone for line in lines if len(line.get_ydata()) == len(SPEEDS)}
     assert drawn == {tuple(line.get_ydata()) for line in panel.get_lines() if len(line.get_ydata()) == len(SPEEDS)}
@@ -176,10 +171,7 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
 def test_what_does_not_fit_is_refused_in_words() -> None:
     for draw, message in [
         (lambda: figures.plot(POINTS, form="violins", ax=Figure().subplots()), "has 2 panels, but ax is 1 Axes"),
-        (
-            lambda: figures.plot(each for each in POINTS if each.number > 99),
-            "there is nothing to draw; give a run folder, or points of one",
-        ),
+        (lambda: figures.plot(iter(())), "there is nothing to draw; give a run folder, or points of one"),
         (lambda: figures.plot([POINTS[0], "folder"]), "a list of PointTrials, str; allowed: run folders, or points"),
         (lambda: figures.plot([3]), "results are a list of int; allowed: run folders"),
         (lambda: figures.plot(POINTS, where=["count=3"]), "names, where and of are for run folders"),

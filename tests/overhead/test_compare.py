@@ -99,16 +99,14 @@ def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> N
     assert (enough.p_value, enough.sentence[:18]) == (0.05, "the film is unlike")
     trials = np.append(np.full(37, 5.0), (4.0, 6.2))[:, None]  # one of 39 is farther off than the film
     assert judge(rows_of([6.1], trials)).sentence.endswith("(p = 0.05): T_sync longer than theirs")
-    never = [
-        row._replace(end=148.0) for row in rows_of([math.inf], 8 + np.random.default_rng(3).standard_normal((40, 1)))
-    ]
+    trials = 8 + np.random.default_rng(3).standard_normal((40, 1))
+    never = [row._replace(end=148.0) for row in rows_of([math.inf], trials)]
     assert judge(never).p_value == pytest.approx(1 / 41)
     trials = 5 + np.random.default_rng(3).standard_normal((40, 1))
     trials[:21] = math.inf
     verdict = judge(rows_of([math.inf], trials))
-    assert verdict.sentence.startswith(
-        "21 of 40 trials are not synchronised when the film ends, so film for longer; as"
-    )
+    longer = "21 of 40 trials are not synchronised when the film ends, so film for longer; as"
+    assert verdict.sentence.startswith(longer)
     assert "the film is like" in verdict.sentence
     assert verdict.p_value > compare.UNLIKE
 

@@ -222,11 +222,7 @@ def test_frames_go_on_where_they_were_left_off_are_not_kept_and_must_not_change_
         list(film.frames())
 
 
-@pytest.mark.parametrize(
-    ("matrix", "quarters"),
-    [((0, 1, -1, 0), -1), ((-1, 0, 0, -1), 2), ((0, -1, 1, 0), 1)],
-    ids=["clockwise", "upside down", "counterclockwise"],
-)
+@pytest.mark.parametrize(("matrix", "quarters"), [((0, 1, -1, 0), -1), ((-1, 0, 0, -1), 2), ((0, -1, 1, 0), 1)])
 def test_films_are_turned_as_players_turn_them(tmp_path, matrix, quarters) -> None:
     path = tmp_path / "turned.mp4"
     picture = np.zeros((64, 96, 3), np.uint8)
@@ -306,9 +302,7 @@ def test_same_frames_same_file_with_description_and_title(tmp_path: Path) -> Non
             assert container.metadata["title"] == "thésis"
 
 
-def test_keyframes_come_regularly_though_lights_flash_and_frames_closer_than_a_tick_follow_one_another(
-    tmp_path: Path,
-) -> None:
+def test_keyframes_come_regularly_and_frames_closer_than_a_tick_follow_one_another(tmp_path: Path) -> None:
     for rate in (0.3, 15.0):
         count, dark = round(2.5 * KEYFRAME_INTERVAL_S * rate), np.zeros_like(draw(0))
         frames = [Frame(number / rate, draw(0) if number % 40 < 8 else dark) for number in range(count)]
@@ -320,12 +314,9 @@ def test_keyframes_come_regularly_though_lights_flash_and_frames_closer_than_a_t
 
 
 def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
-    for name, size, why in [
-        ("film.mp4", (97, 64), "97 x 64 pixels; allowed: even"),
-        ("film.mp4", (96, 65), "96 x 65 pixels; allowed: even"),
-        ("film.mp4", SIDE, "has no frame"),
-    ]:
-        with pytest.raises(FilmError, match=why), film_file(tmp_path / name, *size, {}):
+    odd = ((size, "{} x {} pixels; allowed: even".format(*size)) for size in ((97, 64), (96, 65)))
+    for size, why in (*odd, (SIDE, "has no frame")):
+        with pytest.raises(FilmError, match=why), film_file(tmp_path / "film.mp4", *size, {}):
             pass
         assert not list(tmp_path.iterdir())
 

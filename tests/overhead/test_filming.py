@@ -24,7 +24,6 @@ from epuck_sim.overhead.filming import SAMPLES, Captions, VirtualCamera, film_re
 from epuck_sim.overhead.render import ArenaView, ExposureSample, dimming
 from epuck_sim.overhead.track import track_film
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.recording import Level
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -59,11 +58,8 @@ def lit_rings(trial: Recorded, frame_s: float, exposure_s: float) -> tuple[Float
 
 
 def film_and_record(folder: Path, scenario: EmbodiedScenario) -> None:
-    with (
-        film_trial(folder / "t.mp4", scenario, SEED) as film,
-        record(folder / "t.rrd", scenario, SEED, Level.POSES) as recording,
-    ):
-        run_trial(Simulation(scenario, SEED), [film, recording])
+    with film_trial(folder / "t.mp4", scenario, SEED) as film, record(folder / "t.rrd", scenario, SEED, "poses") as log:
+        run_trial(Simulation(scenario, SEED), [film, log])
 
 
 def test_tracker_finds_what_the_simulation_had(tmp_path: Path) -> None:
@@ -380,13 +376,8 @@ def test_a_floor_is_as_grey_as_it_is_bright_and_ambient_light_shows_the_room_as_
     picture = np.array([[0, 255]], np.uint8)
     arena = replace(make_arena(60, 60, [], []), floor=make_floor(1, [(0.2, (50, 50, 5)), (0.6, (59, 30, 4))], picture))
     camera, grey = shot(arena=arena, room=True)
-    for place, level in {
-        (10, 30): 0,
-        (40, 30): render.FLOOR,
-        (50, 52): 0.2 * render.FLOOR,
-        (58, 30): 0.6 * render.FLOOR,
-    }.items():
-        assert (grey[pixel_at(camera, *place)] == round(level)).all(), place
+    for place, level in {(10, 30): 0, (40, 30): 1, (50, 52): 0.2, (58, 30): 0.6}.items():
+        assert (grey[pixel_at(camera, *place)] == round(level * render.FLOOR)).all(), place
     assert (grey[pixel_at(camera, 60, 30, 3)] == render.WALL_FACE).all()
     dim, lit = shot((20, 20, 0), lit=False, ambient=0.25)[1], shot((20, 20, 0), lit=False, room=True)[1]
     assert np.abs(dim - lit * 0.25).max() <= 1
@@ -394,9 +385,8 @@ def test_a_floor_is_as_grey_as_it_is_bright_and_ambient_light_shows_the_room_as_
 
 def test_lamps_are_bright_dots_where_the_camera_sees_them_in_the_light() -> None:
     """The camera hangs 110 cm above (30, 30), so that a lamp at half of that seems twice as far from there."""
-    arena = replace(
-        make_arena(60, 60, [], []), lamps=np.array([(40, 30, 55, 1), (30, 35, 0.1, 2), (20, 20, 110, 1)], float)
-    )
+    lamps = np.array([(40, 30, 55, 1), (30, 35, 0.1, 2), (20, 20, 110, 1)], float)
+    arena = replace(make_arena(60, 60, [], []), lamps=lamps)
     camera, grey = shot((30, 35, 0), arena=arena, room=True, lit=False)
     shown = np.zeros(grey.shape[:2], bool)
     for x, y, radius in ((50, 30, 1.5), (30, 35, 0.75)):

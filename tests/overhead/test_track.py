@@ -84,9 +84,8 @@ def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_p
     for number, frame in enumerate(reel()[:40]):
         cv2.imwrite(str(tmp_path / f"{7 + number}.png"), frame.picture[..., ::-1])
     options = TrackOptions(period_s=1.0, robots=6, corners_px=floor_corners(films.make_camera()))
-    assumed, given = (
-        track_film(str(tmp_path / "%d.png"), options._replace(fps=fps), None, passed) for fps in (None, 30.0)
-    )
+    both = options, options._replace(fps=30.0)
+    assumed, given = (track_film(str(tmp_path / "%d.png"), each, None, passed) for each in both)
     assert "numbered pictures have no times: 25 frames per second are assumed; give --fps" in assumed.warnings
     assert (given.frames, given.fps, given.warnings) == (40, pytest.approx(30), ())
 

@@ -223,12 +223,9 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
     assert "do not fit" in said
     browser.run("page.change({...page.data.values}), page.advance(1)")
     assert browser.run("document.getElementById('trouble').hidden")
-    browser.run(
-        "page.swarm.kernels.has_own = true; page.swarm.kernels.functions.take_steps = () => 1; find('step').click()"
-    )
-    assert (
-        browser.run("find('trouble').textContent") == "The scenario's own code has failed; `epuck-sim run` says where."
-    )
+    browser.run("page.swarm.kernels.has_own = true; page.swarm.kernels.functions.take_steps = () => 1")
+    said = browser.run("find('step').click(), find('trouble').textContent")
+    assert said == "The scenario's own code has failed; `epuck-sim run` says where."
     assert not browser.run("find('trouble').hidden")
 
 
@@ -294,20 +291,16 @@ def test_floors_and_lamps_are_drawn(opened) -> None:
     shares = browser.run("page.place().floor.map(([w, n, e, s, level]) => [(e - w) * (n - s), level])")
     assert sum(share for share, level in shares if level == 51) == pytest.approx(1 / 4)
     assert browser.run("page.place().lamps[0].slice(0, 2)") == [45, 15]
-    drawn = browser.run(
-        "((pen) => (drawArena(pen, page.place(), page.shown(), colours()), pen.svg))(new SvgPen(300, 300))"
-    )
-    assert "rgb(51,51,51)" in drawn
+    drawn = "((pen) => (drawArena(pen, page.place(), page.shown(), colours()), pen.svg))(new SvgPen(300, 300))"
+    assert "rgb(51,51,51)" in browser.run(drawn)
     assert opened("thesis").run("page.place().floor") == []
 
 
 def test_what_is_drawn_of_a_robots_camera_is_that_of_its_group(opened) -> None:
     wide = "{count: 2, camera: {field_of_view_deg: 180, range_cm: 30}}"
     browser = opened("thesis", [f"robots=[{{count: 2, signal: {{kind: radio}}}}, {wide}, {{count: 1}}]"])
-    cones = browser.run(
-        "page.shown().cones.map(({ robot, half, reach }) => [robot, Math.round(half * 360 / Math.PI), reach])"
-    )
-    assert cones == [[2, 180, 30], [3, 180, 30], [4, 56, 20]]
+    cones = "page.shown().cones.map(({ robot, half, reach }) => [robot, Math.round(half * 360 / Math.PI), reach])"
+    assert browser.run(cones) == [[2, 180, 30], [3, 180, 30], [4, 56, 20]]
 
 
 @needs_browser
@@ -593,9 +586,8 @@ def test_means_and_intervals_are_the_programs(opened) -> None:
         times = np.minimum(random.integers(5, 60, 30), limit)
         times[:3] = times[:3] if first else 0
         seen = (times < limit) & (times > 0)
-        results = [
-            {"cycles": int(time), "is_synchronised": bool(known)} for time, known in zip(times, seen, strict=True)
-        ]
+        pairs = zip(times.tolist(), seen.tolist(), strict=True)
+        results = [{"cycles": time, "is_synchronised": known} for time, known in pairs]
         found = browser.run(f"estimate({json.dumps(results)}, {limit}, page.data.student)")
         expected = estimate_mean(Measured(times.astype(float), seen, float(limit), 0))
         ends = [expected.value, expected.low, expected.high]

@@ -26,10 +26,6 @@ def recorded(
         return run_trial(simulate(scenario, seed), [observer, *others])
 
 
-def towards(angles: Array) -> Array:
-    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-
-
 class Watched:
     def __init__(self) -> None:
         self.steps: list[SimpleNamespace] = []

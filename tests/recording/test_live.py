@@ -181,9 +181,7 @@ def told(monkeypatch, scenario: Scenario, speed: float, times: list[float], *pre
     return held_back_s, calls
 
 
-def test_the_viewer_gets_what_is_new_ten_times_a_second_as_agents_that_move_on_and_all_of_it_in_a_pause(
-    monkeypatch,
-) -> None:
+def test_the_viewer_gets_what_is_new_ten_times_a_second_and_all_of_it_in_a_pause(monkeypatch) -> None:
     for speed in (0.1, 1.0, 10.0):
         pressed = (0.15 / speed, PAUSE), (9 / speed, PAUSE)
         held_back_s, calls = told(monkeypatch, SCENARIO, speed, [0, 0.1, 0.2], *pressed)

@@ -27,7 +27,8 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import versions
 from tests.cli.commands import call
-from tests.recording.recordings import Found, Watched, recorded, towards
+from tests.embodied.scenes import directions_of
+from tests.recording.recordings import Found, Watched, recorded
 
 SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings", "/order/threshold"}
 POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
@@ -125,7 +126,7 @@ def test_poses_phases_rings_wheels_cameras_and_infrared_distances_are_those_of_t
     assert (np.abs(read.headings) <= np.pi).all()
     vectors = trial.found.array("/arena/headings", "Arrows2D:vectors")
     radii = np.array([kind.radius_cm for kind in trial.scenario.robot_kinds])[:, None]
-    np.testing.assert_allclose(vectors, radii * towards(poses[..., 2]), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(vectors, radii * directions_of(poses[..., 2]), rtol=0, atol=1e-6)
     found = trial.found
     steps, count, pixels = watched["camera"].shape
     wheels = found.array("/wheels", "Scalars:scalars")
@@ -182,7 +183,7 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
     strips, poses = trial.found.array("/arena/views", "LineStrips2D:strips").astype(float), trial.watched["poses"]
     eyes = strips[:, :, 1]
     forward_cm = np.array([kind.camera_forward_cm for kind in trial.scenario.robot_kinds])[:, None]
-    np.testing.assert_allclose(eyes, poses[..., :2] + forward_cm * towards(poses[..., 2]), rtol=0, atol=1e-5)
+    np.testing.assert_allclose(eyes, poses[..., :2] + forward_cm * directions_of(poses[..., 2]), rtol=0, atol=1e-5)
     views = [group.camera for group in trial.scenario.robots for _ in range(group.count)]
     shares = np.array([(view.central_pixels or view.pixels) / view.pixels for view in views])
     half = np.radians([view.field_of_view_deg for view in views]) * shares / 2
@@ -191,7 +192,7 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
     for place, side in ((0, 1), (2, -1)):
         ends = strips[:, :, place]
         lengths = np.hypot(*np.moveaxis(ends - eyes, 2, 0))
-        rays = lengths[..., None] * towards(poses[..., 2] + side * half)
+        rays = lengths[..., None] * directions_of(poses[..., 2] + side * half)
         np.testing.assert_allclose(ends, eyes + rays, rtol=0, atol=2e-5)
         beyond = np.maximum(-ends, ends - walls).max(axis=2)  # how far outside of the nearest wall
         assert ((np.abs(np.maximum(lengths - longest, beyond)) < 1e-4) | (lengths == 0)).all()
@@ -441,14 +442,11 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
     assert np.isnan(read.memory["phase_ms"][:, :3]).all()  # `constant` remembers nothing
     assert np.ptp(read.memory["phase_ms"][:, 3:]) > 1000
     assert [time_s for time_s, _ in read.events] == [event.time_s for event in result.events]
-    assert sorted(text for _, text in read.events) == [
-        "faults.0: ring_dead begins in 1, 4",
-        "faults.0: ring_dead ends in 1, 4",
-        "schedule.0: robots.1.parameters.speed_cm_s: 0",
-    ]
+    dead = [f"faults.0: ring_dead {what} in 1, 4" for what in ("begins", "ends")]
+    told = [*dead, "schedule.0: robots.1.parameters.speed_cm_s: 0"]
+    assert sorted(text for _, text in read.events) == told
     for level in Level:
-        assert {"/events", "/memory/phase_ms"} <= origins(
-            make_layout(arrangement_of(scenario, level, fields)).root_container
-        )
+        whole = make_layout(arrangement_of(scenario, level, fields)).root_container
+        assert {"/events", "/memory/phase_ms"} <= origins(whole)
         bare = make_layout(arrangement_of(load_scenario("thesis"), level)).root_container
         assert not {"/events", "/memory/phase_ms"} & origins(bare)

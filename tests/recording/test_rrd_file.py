@@ -32,9 +32,7 @@ def record_thesis(path: Path, *others: Observer) -> None:
     recorded(path, THESIS, 1, Level.FULL, *others)
 
 
-def test_where_the_trial_fails_nothing_is_left_and_a_full_disk_ends_it_at_the_next_buffer(
-    tmp_path, monkeypatch
-) -> None:
+def test_of_a_trial_that_fails_nothing_is_left_and_a_full_disk_ends_it_soon(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(recorder, "BUFFER_ROWS", 73)
     (tmp_path / "older.rrd").write_text("older")
     for number, error in ((0, ZeroDivisionError), (200, KeyboardInterrupt)):

@@ -30,12 +30,11 @@ def claim(name: str, *checks: dict, **keys) -> dict:
     return {"id": name, **said, "sweep": "tiny", "checks": list(checks), **keys}
 
 
+RISE = {"test": "largest_rise", "along": SPEED, "where": {"response.coupling": 0.4}, "within": [0.999, 1.001]}
 EVERY_VERDICT = [
     claim("A1", {**FASTER, "below": 1}),
     claim("A2", {**FASTER, "above": 1}, otherwise="Slower ones | of another kind."),
-    claim(
-        "A3", {"test": "largest_rise", "along": SPEED, "where": {"response.coupling": 0.4}, "within": [0.999, 1.001]}
-    ),
+    claim("A3", RISE),
     {"id": "A4", "section": "9", "claim": "Claim A4", "not_asked": "It takes 900 CPU hours."},
     {**claim("A5", {"test": "formula", "number": "sigma_a", "within": [0.2, 0.3]}), "sweep": None},
     {**claim("A6", {"test": "formula", "number": "sigma_b", "above": 2}, identity="A definition"), "sweep": None},

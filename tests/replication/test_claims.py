@@ -1,6 +1,5 @@
 """From trials to effects, and from effects to verdicts; and the claims that are shipped, with their tables."""
 
-import csv
 import math
 from functools import cache
 from itertools import pairwise
@@ -25,7 +24,7 @@ from epuck_sim.scenario.loader import Point, points
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.sweep.demand import check_sweep
 from epuck_sim.trial.model import run_trial, simulate
-from tests.runs.made_folders import COUNT, COUPLING, SPEED, ended, in_memory, sweep
+from tests.runs.made_folders import COUNT, COUPLING, SPEED, ended, in_memory, rows, sweep
 
 HOLDS, CONTRADICTED, UNDECIDED = Verdict.HOLDS, Verdict.CONTRADICTED, Verdict.UNDECIDED
 
@@ -165,9 +164,8 @@ def swept() -> dict[str, tuple[Point, ...]]:
 
 def test_keys_may_leave_out_the_sweep_of_a_scenario() -> None:
     asked = {"scenario": "two-nearest", "keys": {"sweep": None}}
-    claims = CLAIMS.model_validate(
-        {"sweeps": {"one": asked}, "claims": [{"id": "A", "section": "9", "claim": "so", "no_claim": "-"}]}
-    )
+    claim = {"id": "A", "section": "9", "claim": "so", "no_claim": "-"}
+    claims = CLAIMS.model_validate({"sweeps": {"one": asked}, "claims": [claim]})
     assert len(points(sweep_scenario(claims, "one"))) == 1
 
 
@@ -261,8 +259,8 @@ def test_a_table_gives_the_effects_of_its_claims(sweep: str) -> None:
         for finding in check_claim(claim, tables)
         if finding.check.test != "formula"
     }
-    with (DOCS / "replication-tests.csv").open(encoding="utf-8", newline="") as file:
-        written = {(row["claim"], row["test"]): float(row["ours"] or "nan") for row in csv.DictReader(file)}
+    table = rows(DOCS / "replication-tests.csv")
+    written = {(row["claim"], row["test"]): float(row["ours"] or "nan") for row in table}
     assert found
     assert found == pytest.approx({key: written[key] for key in found}, rel=1e-3, nan_ok=True)
 

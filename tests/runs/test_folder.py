@@ -102,7 +102,6 @@ def test_without_locks_a_folder_is_held_by_a_lease_and_is_free_afterwards(tmp_pa
 @pytest.mark.parametrize(
     ("process", "age_s", "is_free"),
     [("on elsewhere", 5, False), ("on elsewhere", LEASE_S + 5, True), (f"on {host()}", 5, True)],
-    ids=["at work", "not renewed", "gone from this host"],
 )
 def test_a_lease_ends_when_it_is_not_renewed_or_its_process_is_gone(tmp_path, process: str, age_s: float, is_free):
     fill(tmp_path)

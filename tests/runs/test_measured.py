@@ -123,9 +123,8 @@ def test_a_shipped_measure_that_has_got_a_parameter_since_goes_on_with_its_defau
     fill(folder, plain, [{"stays_above": True}])
     edit(folder, """UPDATE points SET measures = json_remove(measures, '$."stays_above".from_cycle')""")
     fill(folder, plain, [])
-    assert "another measure stays_above; give another folder: from_cycle: 1 in the folder, 30 now" in refusal(
-        folder, later
-    )
+    said = "another measure stays_above; give another folder: from_cycle: 1 in the folder, 30 now"
+    assert said in refusal(folder, later)
 
 
 def run(folder, *measures):
@@ -222,9 +221,8 @@ def test_values_of_a_measure_are_dropped_only_if_it_failed_and_no_trial_waits_fo
     broken = str(write(file, "def half(simulation):\n    return 0.25\n"))
     with pytest.raises(Stopped):
         run_sweep(agents_sweep(["near_walls", broken]), folder, pool_here, stopper(3))
-    assert "holds results of the measure half, which is missing now" in refusal(
-        folder, load_scenario(agents_sweep(["near_walls"]))
-    )
+    without = load_scenario(agents_sweep(["near_walls"]))
+    assert "holds results of the measure half, which is missing now" in refusal(folder, without)
     awaiting = agents_sweep([broken], stop={"when": "Mine > 1", "max_cycles": 3})
     write(file, RAISING.format("1 / 0"))
     assert run_sweep(awaiting, tmp_path / "awaiting", pool_here).failed == 3

@@ -153,14 +153,10 @@ def test_folders_of_another_scenario_or_version_or_with_other_results_are_refuse
             assert not (tmp_path / "merged" / DATABASE).exists()
 
 
-def test_a_folder_stays_with_its_share(tmp_path) -> None:
-    folder = fill_share(tmp_path / "share", Share(1, 2))
-    with Store(folder, MANY, points(MANY)) as store:
-        assert store.share == Share(1, 2)
-
-
-def test_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:
+def test_a_folder_stays_with_its_share_and_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:
     folders = shares(tmp_path, 4, part=0.5)[:3]
+    with Store(folders[0], MANY, points(MANY)) as store:
+        assert store.share == Share(1, 4)
     lines = called("status", *folders).splitlines()
     counts = [len(stored(folder)) for folder in folders]
     trials = [read_status(folder).trials for folder in folders]
@@ -260,11 +256,8 @@ def test_a_path_that_a_measure_opens_stays_where_it_is_also_on_an_axis(tmp_path:
     (tmp_path / "coverage.py").write_text("def coverage(simulation, *, plan=''):\n    return 1.0\n")
     (tmp_path / "plan.txt").touch()
     axis = {"measures.0.coverage.plan": [str(tmp_path / "plan.txt"), "none"]}
-    fill(
-        tmp_path / "run",
-        scenario_of({"grid": axis}, measures=[str(tmp_path / "coverage.py:coverage")]),
-        t_sync_cycles=9,
-    )
+    scenario = scenario_of({"grid": axis}, measures=[str(tmp_path / "coverage.py:coverage")])
+    fill(tmp_path / "run", scenario, t_sync_cycles=9)
     assert yaml.safe_load((tmp_path / "run" / "scenario.yaml").read_text())["sweep"]["grid"] == axis
 
 

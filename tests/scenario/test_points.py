@@ -57,17 +57,13 @@ def test_every_ending_of_a_key_stands_for_it_or_is_refused_with_it_among_the_can
     assert key in found or is_second or ending in keys
 
 
-def test_keys_of_sweeps_are_not_typed_parameters_of_measures_are_and_a_longer_name_goes_on_after_an_underscore() -> (
-    None
-):
+def test_parameters_of_measures_are_keys_sweeps_are_not_and_longer_names_go_on_after_an_underscore() -> None:
     scenario = load_scenario({"measures": [{"near_walls": {"within_cm": 3}}]}, axes=["robots.0.count=2,3"])
     sections = {key.partition(".")[0] for key in scenario.all_keys(scenario.model_dump(mode="json"))}
     assert "robots" in sections
     assert "sweep" not in sections
-    assert [key for key in scenario.all_keys({"measures": ["degree", 5]}) if key.startswith("measures")] == [
-        "measures.0.degree.direction",
-        "measures.0.degree.statistic",
-    ]
+    of_degree = ["measures.0.degree.direction", "measures.0.degree.statistic"]
+    assert [key for key in scenario.all_keys({"measures": ["degree", 5]}) if key.startswith("measures")] == of_degree
     assert "did you mean side_cm (space.side_cm)?" in guess("side", [], ["space.sides", "space.side_cm"])
 
 
@@ -170,9 +166,7 @@ def grid_of(source, *axes: str):
     return list(load_scenario(source, axes=axes).sweep.grid.items())
 
 
-def test_sweep_on_the_command_line_makes_axes_in_the_given_order_and_adds_to_a_file_s_grid_or_replaces(
-    tmp_path,
-) -> None:
+def test_sweep_on_the_command_line_makes_axes_in_order_and_adds_to_a_file_s_grid_or_replaces(tmp_path) -> None:
     expected = [(COUNT, (2, 3)), (WIDTH, (50.5, 60))]
     for source in ("pair", load_scenario("pair"), {}):
         assert grid_of(source, f"{COUNT}=2,3", f"{WIDTH}=50.5, 60") == expected

@@ -151,9 +151,8 @@ def test_frozen_oscillators_keep_phase_and_ring_while_robots_move_which_stand_st
 @pytest.mark.parametrize("rate", [0.97, 1.034])
 def test_a_clock_that_drifts_counts_its_own_milliseconds(rate):
     alone = {"robots": [{"count": 1, "controller": "oscillator"}], "noise": "off"}
-    ideal, faulty = (
-        steps_of({**alone, **faults}, 30, 5)["phase_ms"][:, 0] for faults in ({}, with_fault("clock_drift", rate=rate))
-    )
+    both = alone, {**alone, **with_fault("clock_drift", rate=rate)}
+    ideal, faulty = (steps_of(each, 30, 5)["phase_ms"][:, 0] for each in both)
     expected = ideal[0] - STEP_MS + np.floor(np.arange(1, 31) * STEP_MS * rate + 1e-9)
     in_first_cycle = np.minimum.accumulate(np.diff(faulty, prepend=-1.0) > 0)
     assert in_first_cycle.sum() > 5

@@ -234,7 +234,7 @@ def test_robots_pass_a_wall_once_it_is_lifted_and_stay_within_walls_that_come():
     assert max(farthest[100:]) > 70
 
 
-def test_a_step_shows_the_arena_of_its_time_with_movables_where_they_are():
+def test_a_step_shows_the_arena_of_its_time_with_movables_where_they_are_which_may_touch_a_wall_that_comes():
     simulation = Simulation(REBUILT, 1)
     widths = [simulation.advance(10).arena.width_cm for _ in range(6)]
     assert widths == [60, 60, 60, 65, 65, 90]
@@ -242,8 +242,5 @@ def test_a_step_shows_the_arena_of_its_time_with_movables_where_they_are():
     assert step.arena.circles[:, :2].tobytes() == step.movables.tobytes()
     simulation.reset()
     assert simulation.last_step.arena.width_cm == 60
-
-
-def test_a_movable_may_touch_a_wall_that_comes():
     scene = {"arena": {"movables": [MOVABLES[0] | {"x_cm": 50, "y_cm": 50}]}, "robots": [{"poses": [[10, 10, 0]]}]}
     Simulation({**scene, "schedule": [{"at_s": 1, "set": {"arena.width_cm": 53}}]}, 3).advance(12)

@@ -151,11 +151,8 @@ def test_readings_are_in_traces_recordings_notebooks_and_observations_without_an
 def test_who_is_at_work_is_known_while_it_is(files, code):
     """The sweep's watchdog asks from another thread, and names what does not return."""
     look = "LOOK = [int]\n\n\ndef look():\n    LOOK[0]()\n"
-    edits = {
-        "sensor": ("ground", GROUND, "    x = "),
-        "controller": ("follower", FOLLOWER, "    memory.seen = sensors"),
-    }
-    name, text, line = edits[code]
+    sensor, controller = ("ground", GROUND, "    x = "), ("follower", FOLLOWER, "    memory.seen = sensors")
+    name, text, line = sensor if code == "sensor" else controller
     files(**{name: look + text.replace(line, f"    look()\n{line}")})
     simulation, seen = Simulation(scenario(count=2), 1, interpret=True), []
     find = {"sensor": find_sensor, "controller": find_controller}[code]
