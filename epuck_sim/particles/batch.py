@@ -1,23 +1,18 @@
 """Firings of the reference in a row, which measures are told of together, and who would receive pulses then.
 
-Compiled code takes the cycles and writes down where agents are at each: Python is slow at a few microseconds a cycle.
+Compiled code takes the cycles and copies the swarm at each: Python is slow at a few microseconds a cycle.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.events import advance, observe
-from epuck_sim.particles.initial_conditions import rules_of
-from epuck_sim.particles.motion import begin_motion
-from epuck_sim.particles.neighbours import write_links
-from epuck_sim.particles.swarm import Arrays, Observed, Trajectories
-from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
+from epuck_sim.particles.neighbours import find_receivers
+from epuck_sim.particles.swarm import SCENE, SCENE_BYTES, Neighbours, Oscillators, array_in, entry_of
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit
 from epuck_sim.util.native import address_of, call, carve
 
@@ -27,125 +22,94 @@ MOST_CYCLES, MOST_LINKS = 128, 2**22
 FIRST_ROOM = 8  # initial room for links, for each agent; it grows when needed
 
 
-@dataclass
 class Batch:
     """Firings of the reference in a row, with a row for each.
 
     The arrays are overwritten by the next batch: copy what you keep.
     """
 
-    first: int  # number of the first of these cycles, from 1
-    time_s: FloatArray  # (cycles,)
-    order_parameter: FloatArray  # (cycles,)
-    phases: FloatArray  # (cycles, agents), 0 to 1
-    positions: FloatArray  # (cycles, agents, dimensions) cm
-    velocities: FloatArray  # (cycles, agents, dimensions) cm/s
-    sides_cm: tuple[float, ...]  # of the space
-    find_links: Callable[[], IntArray]
+    def __init__(self, scenario: ParticleScenario, states: ByteArray, find_links: Callable[[], IntArray]) -> None:
+        """Refer to the states of a swarm, (cycles, bytes)."""
+        period_s, space, scenes = scenario.clocks.period_s, scenario.space, states[:, :SCENE_BYTES].view(SCENE)[:, 0]
+        rows = (array_in(states, name) for name in ("positions_now", "heading"))
+        positions, headings = (each.reshape(len(states), space.dimensions, -1).transpose(0, 2, 1) for each in rows)
+        self.first = int(scenes["cycles"][0])  # number of the first of these cycles, from 1
+        self.time_s: FloatArray = (scenes["cycle"] + scenes["now"]) * period_s  # (cycles,)
+        self.order_parameter: FloatArray = scenes["order_parameter"]  # (cycles,)
+        self.phases: FloatArray = array_in(states, "phases_now")  # (cycles, agents), 0 to 1
+        self.positions: FloatArray = positions  # (cycles, agents, dimensions) cm
+        # (cycles, agents, dimensions) cm/s
+        self.velocities: FloatArray = headings * (array_in(states, "speed") / period_s)[:, :, None]
+        self.sides_cm = (space.side_cm,) * space.dimensions  # of the space
+        self._find_links = find_links
 
     @cached_property
     def links(self) -> IntArray:
         """(links,) who would receive whose pulse, ascending: (row * agents + sender) * agents + receiver."""
-        return self.find_links()
-
-
-class StillSwarm:
-    """A swarm that stands still at given places, in which receivers of pulses are looked for."""
-
-    def __init__(self, scenario: ParticleScenario) -> None:
-        """Make a swarm with the neighbourhood of a scenario; raise ScenarioError if receivers are drawn at random."""
-        if isinstance(scenario.neighbourhood, RandomAgents):
-            raise ScenarioError(
-                f"{scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
-                "there are neighbours only by position"
-            )
-        stands = {"agents": AgentsSection(count=scenario.agents.count, speed_cm_s=0), "start": StartSection()}
-        rules = rules_of(scenario.model_copy(update=stands))
-        self._block, self._addresses = rules.new_block(), rules.addresses
-        begin_motion(self._block)
-        # neighbours may change until the next instant, unless all agents are neighbours
-        Arrays(self._block).scene.is_cached &= isinstance(scenario.neighbourhood, Everybody)
-        self._room = FIRST_ROOM * scenario.agents.count
-
-    def links(self, positions: FloatArray, headings: FloatArray, senders: IntArray) -> IntArray:
-        """Return (links,) as `Batch.links`, of some senders, in their order.
-
-        Positions and headings are (rows, dimensions * agents) cm and unit vectors, one dimension after the other.
-        """
-        links = np.zeros(self._room, np.int64)
-        found = write_links(self._block, self._addresses, positions, headings, senders, links)
-        if found > len(links):
-            self._room, links = found, np.zeros(found, np.int64)
-            write_links(self._block, self._addresses, positions, headings, senders, links)
-        return links[:found]
+        return np.sort(self._find_links())
 
 
 class Recorder:
-    """The cycles of a batch that have been taken."""
+    """The states of a swarm at the cycles of a batch that have been taken."""
 
-    def __init__(self, scenario: ParticleScenario) -> None:
-        """Make room for the swarm of a scenario."""
-        agents, dimensions = scenario.agents.count, scenario.space.dimensions
+    def __init__(self, agents: int, size: int) -> None:
+        """Make room for states of so many bytes."""
         self.room = max(1, min(MOST_CYCLES, MOST_LINKS // agents**2))
         self.count = 0
-        self._moments = np.zeros((self.room, 3))
-        self._phases, self._speeds = np.zeros((2, self.room, agents))
-        self._positions, self._headings = np.zeros((2, self.room, dimensions * agents))
+        self._states = np.empty((self.room, size), np.uint8)
 
     def advance(self, block: ByteArray, addresses: IntArray) -> None:
         """Simulate until a limit is reached, as `events.advance` does, and add each cycle."""
-        arrays = self._moments, self._phases, self._speeds, self._positions, self._headings
-        self.count = record_cycles(block, addresses, address_of(advance), *arrays, self.count)
+        self.count = record_cycles(block, addresses, address_of(advance), self._states, self.count)
 
-    def take(self, simulation: Any) -> Batch:
-        """Return the cycles, the last of which is the simulation's last one, and begin anew."""
-        count, self.count, period_s = self.count, 0, simulation.scenario.clocks.period_s
-        (cycle, now, order), phases = self._moments[:count].T, self._phases[:count]
-        agents, flat = phases.shape[1], (self._positions[:count], self._headings[:count])
-        positions, headings = (each.reshape(count, -1, agents).transpose(0, 2, 1) for each in flat)
-        velocities = headings * (self._speeds[:count] / period_s)[:, :, None]
-
-        def find_links() -> IntArray:
-            return np.sort(simulation.still_swarm.links(*flat, np.arange(agents)))
-
-        space, first, time_s = simulation.scenario.space, simulation.cycles + 1 - count, (cycle + now) * period_s
-        sides_cm = (space.side_cm,) * space.dimensions
-        return Batch(first, time_s, order, phases, positions, velocities, sides_cm, find_links)
+    def take(self) -> ByteArray:
+        """Return (cycles, bytes) the states, which are overwritten by the next ones."""
+        count, self.count = self.count, 0
+        return self._states[:count]
 
 
 @jit
-def record_cycles(
-    block: ByteArray,
-    addresses: IntArray,
-    address: int,
-    moments: FloatArray,
-    phases: FloatArray,
-    speeds: FloatArray,
-    positions: FloatArray,
-    headings: FloatArray,
-    count: int,
-) -> int:
-    """Take cycles by the function at an address, and add each to `count` rows; return how many there are then.
-
-    A moment is the number of the nominal period, the share of it that has passed, and the order parameter.
-    """
-    trajectories, observed = carve(block, Trajectories), carve(block, Observed)
-    scene = trajectories.scene
+def record_cycles(block: ByteArray, addresses: IntArray, address: int, states: ByteArray, count: int) -> int:
+    """Take cycles by the function at an address, and add each to `count` states; return how many there are then."""
+    scene = carve(block, Oscillators).scene
     last_cycle = scene.limits.cycles
-    while count < len(moments):
+    while count < len(states):
         before = scene.cycles
         scene.limits.cycles = min(last_cycle, before + 1)
         call(address, block, addresses)
         if scene.cycles == before:
             break
         observe(block, addresses)
-        moments[count, 0], moments[count, 1], moments[count, 2] = scene.cycle, scene.now, scene.order_parameter
-        for agent in range(scene.agents):
-            phases[count, agent], speeds[count, agent] = observed.phases_now[agent], trajectories.speed[agent]
-        for place in range(len(trajectories.heading)):
-            positions[count, place] = observed.positions_now[place]
-            headings[count, place] = trajectories.heading[place]
+        for place in range(states.shape[1]):  # much faster than a slice
+            states[count, place] = block[place]
         count += 1
         if scene.is_synchronised or scene.cycles >= last_cycle:
             break
     return count
+
+
+@jit
+def links_in(block: ByteArray, addresses: IntArray, states: ByteArray, senders: IntArray) -> IntArray:
+    """Return (links,) as `Batch.links`, of some senders, in their order, in states that have been observed.
+
+    They are found in another block, as observers must not change what the simulation itself has found.
+    """
+    neighbours = carve(block, Neighbours)
+    scene, found = neighbours.scene, 0
+    links = np.empty(FIRST_ROOM * len(neighbours.counts), np.int64)
+    for row in range(len(states)):
+        for place in range(states.shape[1]):
+            block[place] = states[row, place]
+        neighbours.cached_until[:] = scene.sorted_at = -np.inf
+        scene.positions_time = np.nan
+        scene.is_cached = False
+        for index in range(len(senders)):
+            sender = senders[index]
+            find_receivers(block, addresses, neighbours, sender, scene.now)
+            count = neighbours.counts[sender]
+            if found + count > len(links):
+                links = np.concatenate((links, np.empty(len(links) + count, np.int64)))
+            for rank in range(count):
+                links[found + rank] = (row * scene.agents + sender) * scene.agents + entry_of(neighbours.members, rank)
+            found += count
+    return links[:found]

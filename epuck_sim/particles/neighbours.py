@@ -18,7 +18,7 @@ from epuck_sim.particles.motion import advance_one, compute_positions, distance_
 from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.util.jit import jit, jit_inline, jit_no_alloc
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at
 from epuck_sim.util.rng import randint
 
@@ -184,37 +184,6 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
     for rank in range(k):
         is_drawn[members[rank]] = False
     neighbours.counts[agent] = k
-
-
-@jit
-def write_links(
-    block: ByteArray,
-    addresses: IntArray,
-    positions: FloatArray,
-    headings: FloatArray,
-    senders: IntArray,
-    links: IntArray,
-) -> int:
-    """Write the links of senders in each row of places, as far as there is room; return the number of all.
-
-    They are for observers and measures, in a swarm that stands still: a simulation does not expose those that it finds.
-    """
-    neighbours, trajectories = carve(block, Neighbours), carve(block, Trajectories)
-    scene, found = neighbours.scene, 0
-    for row in range(len(positions)):
-        for place in range(len(trajectories.origin)):
-            trajectories.origin[place], trajectories.heading[place] = positions[row, place], headings[row, place]
-        scene.positions_time = np.nan
-        scene.sorted_at = -np.inf
-        for index in range(len(senders)):
-            sender = senders[index]
-            first = find_receivers(block, addresses, neighbours, sender, 0.0)
-            for rank in range(neighbours.counts[sender]):
-                if found < len(links):
-                    node = row * scene.agents + sender
-                    links[found] = node * scene.agents + entry_of(neighbours.members, first + rank)
-                found += 1
-    return found
 
 
 def search_of(scene: Any) -> Any:

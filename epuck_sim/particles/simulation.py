@@ -3,25 +3,26 @@
 import math
 from collections.abc import Iterator
 from copy import copy
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from epuck_sim.arena import make_arena
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, to_html
 from epuck_sim.errors import ScenarioError
 from epuck_sim.faults import begin_or_end, fault_event
 from epuck_sim.order_parameter import Firing
-from epuck_sim.particles.batch import Recorder, StillSwarm
+from epuck_sim.particles.batch import Batch, Recorder, links_in
 from epuck_sim.particles.events import advance, observe, turn_if_next
 from epuck_sim.particles.faults import begin_faults, change_faults, mark_heard, speeds_with_faults
 from epuck_sim.particles.initial_conditions import Rules, draw_differences, initial_speeds, rules_of, start
 from epuck_sim.particles.motion import begin_motion, start_at_present
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
-from epuck_sim.particles.swarm import SCHEDULE_SEED, Arrays, keep_state, state_of
+from epuck_sim.particles.swarm import SCHEDULE_SEED, Arrays, array_in, keep_state, state_of
 from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TrialEvent, timed_entries
 from epuck_sim.scenario.loader import load_of_model
@@ -80,7 +81,7 @@ class ParticleSimulation:
     next_change: Moment
     """Nominal period, and the share of it that has passed, when something changes at a time, or `NEVER`."""
     recorder: Recorder | None = None
-    """Records the cycles of a trial as long as it has room; whoever sets it takes them."""
+    """Records cycles after `record`, as long as it has room; whoever begins this takes them, and ends it with None."""
 
     def __init__(self, scenario: ScenarioLike, seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.
@@ -145,11 +146,12 @@ class ParticleSimulation:
         """Switch to the block of a new swarm with these rules."""
         self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
         self._state = state_of(self._arrays.block)
-        self._still: StillSwarm | None = None
+        if self.recorder is not None:
+            self.record()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without addresses, which are valid in this process only."""
-        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "_still")
+        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "recorder")
         kept = {name: value for name, value in vars(self).items() if name not in left_out}
         own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
         return {**kept, **own}
@@ -439,16 +441,28 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        swarm = self._observe()
-        places = swarm.positions_now.reshape(1, -1), swarm.heading.reshape(1, -1)
-        return np.sort(self.still_swarm.links(*places, np.arange(self.oscillators)))
+        return self.batch_of(self._observed_state()).links
 
-    @property
-    def still_swarm(self) -> StillSwarm:
-        """A swarm in which those are found who would receive pulses at given places, by the present rules."""
-        if self._still is None:
-            self._still = StillSwarm(self._present)
-        return self._still
+    def _observed_state(self) -> ByteArray:
+        """Return (1, bytes) the observed state of the swarm, which the next event overwrites."""
+        return self._observe().block[None, : len(self._present_rules.beginning)]
+
+    def _links_in(self, states: ByteArray, senders: IntArray) -> IntArray:
+        """Return the links from senders in observed states, by the present rules."""
+        if isinstance(self._present.neighbourhood, RandomAgents):
+            raise ScenarioError(
+                f"{self.scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
+                "there are neighbours only by position"
+            )
+        return links_in(self._present_rules.new_block(), self._addresses, states, senders)
+
+    def batch_of(self, states: ByteArray) -> Batch:
+        """Return observed states, (rows, bytes), for measures."""
+        return Batch(self.scenario, states, partial(self._links_in, states, np.arange(self.oscillators)))
+
+    def record(self) -> None:
+        """Begin to record cycles, from now on, as long as there is room."""
+        self.recorder = Recorder(self.oscillators, len(self._present_rules.beginning))
 
     def pulse_links(self) -> IntArray:
         """Return the links of the pulses at the last instant at which agents fired, if no time has passed since.
@@ -460,12 +474,10 @@ class ParticleSimulation:
         """
         if isinstance(self._present.neighbourhood, RandomAgents):
             return np.empty((0, 3), np.int64)
-        turns = bool(self.scenario.agents.reorient_on)
-        swarm = self._observe()
-        headings = swarm.headings_before if turns else swarm.heading
-        event, agents = self.last_instant(), self.oscillators
-        places = swarm.positions_now.reshape(1, -1), headings.reshape(1, -1)
-        senders, receivers = np.divmod(self.still_swarm.links(*places, event.fired), agents)
+        event, agents, state = self.last_instant(), self.oscillators, self._observed_state().copy()
+        if self.scenario.agents.reorient_on:
+            array_in(state, "heading")[:] = array_in(state, "headings_before")
+        senders, receivers = np.divmod(self._links_in(state, event.fired), agents)
         if self.scenario.faults:
             is_heard = np.zeros(len(senders), np.bool_)
             mark_heard(self._arrays.block, self._addresses, senders, receivers, is_heard)

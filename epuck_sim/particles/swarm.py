@@ -220,6 +220,13 @@ def scene_of(block: ByteArray) -> Any:
     return block[:SCENE_BYTES].view(SCENE)[0]
 
 
+def array_in(blocks: ByteArray, name: str) -> npt.NDArray[Any]:
+    """Return (..., n) an array of ARRAYS in (..., bytes) blocks of one kind, in place."""
+    dtype, at = _PLACES[name]
+    first, end = blocks[..., at : at + 2 * WORD_BYTES].reshape(-1, 2 * WORD_BYTES)[0].view(np.int64)
+    return blocks[..., first:end].view(dtype)
+
+
 class Arrays:
     """Arrays of a block for Python, in place, by their names in `ARRAYS`; those with a row an axis are (rows, n)."""
 
@@ -231,9 +238,7 @@ class Arrays:
         """Return an array."""
         if name not in ARRAYS:
             raise AttributeError(name)
-        dtype, at = _PLACES[name]
-        first, end = self.block[at : at + 2 * WORD_BYTES].view(np.int64)
-        array: npt.NDArray[Any] = self.block[first:end].view(dtype)
+        array, dtype = array_in(self.block, name), ARRAYS[name][0]
         if ARRAYS[name][1] == "rows":
             array = array.reshape(self.scene.dimensions, -1)
         elif dtype == STREAM:

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Sequence
 
-from epuck_sim.particles.batch import Recorder
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
@@ -35,7 +34,8 @@ def run_agents(
     periods, share = divmod(end_s / period_s, 1.0)
     end = (int(periods), share) if is_timed else (longest, 0.0)
     events = iter(simulation if observers else ())  # compiles what events need, before the clock runs
-    simulation.recorder = recorder = Recorder(simulation.scenario) if measuring.at_batches else None
+    if measuring.at_batches:
+        simulation.record()
     began = working_s()
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
 
@@ -55,7 +55,7 @@ def run_agents(
             asked = time.perf_counter()
             # progress shows order parameters, which are measured only at firings of the reference
             is_one_cycle = bool(measuring.at_cycles) or (progress is not None and simulation.order_parameter is None)
-            most = 1 if is_one_cycle else recorder.room if recorder is not None else limit
+            most = 1 if is_one_cycle else limit if simulation.recorder is None else simulation.recorder.room
             last_cycle = min(limit, measuring.next_cycle, cycles + most)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
@@ -91,7 +91,7 @@ def run_agents(
 def _tell(measuring: Measuring, simulation: ParticleSimulation) -> None:
     """Tell measures of the cycles that were taken."""
     if simulation.recorder is not None:
-        batch = simulation.recorder.take(simulation)
+        batch = simulation.batch_of(simulation.recorder.take())
         for tell in measuring.at_batches:
             tell(batch, simulation)
     if measuring.at_cycles:
