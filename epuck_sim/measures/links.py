@@ -6,7 +6,6 @@ lit in a step of the cycle. A link is stored as one number: the sender times the
 links of a batch of cycles are ascending: each cycle adds the square of the population to those of the one before.
 """
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -21,15 +20,19 @@ NO_LINKS: IntArray = np.zeros(0, np.int64)
 
 
 class Links(Shipped):
-    """Base class of measures of links: the links of each cycle of a batch."""
+    """Base class of measures of links: the links of each cycle of a batch, and of some cycles before."""
 
     MODELS = ("embodied", "particles")
     check_scenario = staticmethod(check_sight)
+    _keeps = 0  # number of cycles whose links are kept for the next batch
+    _passed = 0  # number of cycles before this batch
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._population = int(self.simulation.scenario.population)
+        self._square = self._population**2
         self._seen: list[IntArray] = [NO_LINKS]
+        self._before = NO_LINKS
         if not self.has_bodies:
             self.simulation.neighbour_links()  # compiles the kernel before any clock runs
 
@@ -38,34 +41,33 @@ class Links(Shipped):
         self._seen.append(lit * self._population + looks)
 
     def batch(self, batch: Any, _: Any) -> None:
-        links = np.unique(np.concatenate(self._seen)) if self.has_bodies else batch.links
+        own, cycles = np.unique(np.concatenate(self._seen)) if self.has_bodies else batch.links, len(batch.time_s)
+        links = np.concatenate([self._before, own])
+        self.take(links, cycles)
         self._seen = [NO_LINKS]
-        self.take(links, len(batch.time_s))
+        self._before = links[links >= (cycles - self._keeps) * self._square] - cycles * self._square
+        self._passed += cycles
 
     def take(self, links: IntArray, cycles: int) -> None:
-        """Record the links of some cycles."""
+        """Record some cycles from their links, and negative ones: those of the cycles that are kept."""
         raise NotImplementedError
 
-    def of_each(self, links: IntArray, cycles: int) -> list[IntArray]:
-        """Return the links of each cycle, as if it were the first of a batch."""
-        square = self._population**2
-        return np.split(links % square, np.searchsorted(links, square * np.arange(1, cycles)))
+    def of_rows(self, links: IntArray, first: int, end: int) -> IntArray:
+        """Return the links of some cycles, `first` up to `end`, together, as if they were of the first of a batch."""
+        begin, last = np.searchsorted(links, [first * self._square, end * self._square])
+        return np.unique(links[begin:last] % self._square)
 
 
 class _Kept(Links):
     """Base class of measures of links that are kept from one cycle to the next."""
 
-    _before: IntArray | None = None
+    _keeps = 1
 
     def take(self, links: IntArray, cycles: int) -> None:
-        square = self._population**2
-        first = NO_LINKS if self._before is None else self._before - square
-        together = np.concatenate([first, links]) + square
-        kept = np.intersect1d(together + square, together, assume_unique=True)
-        had, left = (np.bincount(each // square, minlength=cycles + 1) for each in (together, kept))
-        begins = int(self._before is None)
-        self.compare(had[begins:-1], had[begins + 1 :], left[begins + 1 :])
-        self._before = links[links >= (cycles - 1) * square] - (cycles - 1) * square
+        both = np.intersect1d(links + self._square, links, assume_unique=True)
+        had, kept = (np.bincount(each // self._square + 1, minlength=cycles + 1) for each in (links, both))
+        first = 0 if self._passed else 1
+        self.compare(had[first:-1], had[first + 1 :], kept[first + 1 :])
 
     def compare(self, before: IntArray, after: IntArray, kept: IntArray) -> None:
         """Record (cycles,) numbers of links of the cycle before, of this one, and of both."""
@@ -76,7 +78,7 @@ class NeighbourChange(_Kept, Series):
     """Share of links that changed since the last cycle: 1 - |A and B| / |A or B| (series)."""
 
     def compare(self, before: IntArray, after: IntArray, kept: IntArray) -> None:
-        if self._before is None:
+        if not self._passed:
             self._series.append(None)
         either = before + after - kept
         self._series += [
@@ -210,22 +212,15 @@ class _Components(Links, Series):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._last: deque[IntArray] = deque(maxlen=self.cycles)
+        self._keeps = self.cycles - 1
 
     def take(self, links: IntArray, cycles: int) -> None:
-        passed = len(self._last)
         if self.cycles > 1:
-            links = self._together(links, cycles)
+            spans = ((max(row - self._keeps, -self._passed), row + 1) for row in range(cycles))
+            links = np.concatenate([self.of_rows(links, *span) + (span[1] - 1) * self._square for span in spans])
         known = self.of_sizes(*component_sizes(links, self._population, self.connection, cycles), cycles)
-        self._series += [None if passed + cycle < self.cycles else value for cycle, value in enumerate(known, 1)]
-
-    def _together(self, links: IntArray, cycles: int) -> IntArray:
-        """Return, for each cycle, the links of the last ones together."""
-        found = []
-        for row, own in enumerate(self.of_each(links, cycles)):
-            self._last.append(own)
-            found.append(np.unique(np.concatenate(self._last)) + row * self._population**2)
-        return np.concatenate(found)
+        unknown = min(max(self._keeps - self._passed, 0), cycles)
+        self._series += [None] * unknown + known[unknown:]
 
     def of_sizes(self, sizes: IntArray, cycle_of: IntArray, cycles: int) -> Any:
         """Return the list of values of some cycles from the sizes of components, and the cycle of each."""
@@ -255,16 +250,15 @@ class SpanningTime(Links):
     connection: str = "strong"
     check = staticmethod(allowed(connection=one_of(CONNECTIONS)))
     UNIT = "cycles"
-    _cycles, _spans, _together = 0, False, NO_LINKS
+    _cycles, _together = 0, NO_LINKS
 
     def take(self, links: IntArray, cycles: int) -> None:
-        for own in () if self._spans else self.of_each(links, cycles):
-            self._cycles += 1
-            self._together = np.union1d(self._together, own)
-            self._spans = len(component_sizes(self._together, self._population, self.connection)[0]) == 1
-            if self._spans:
+        for row in range(0 if self._cycles else cycles):
+            self._together = np.union1d(self._together, self.of_rows(links, row, row + 1))
+            if len(component_sizes(self._together, self._population, self.connection)[0]) == 1:
+                self._cycles = self._passed + row + 1
                 return
 
     def value(self) -> int | None:
         """Return the number of cycles; None if the trial ends before."""
-        return self._cycles if self._spans else None
+        return self._cycles or None
