@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.scenario.embodied import largest_cm
 
 
 @dataclass
@@ -27,12 +26,6 @@ class Shipped:
     def has_bodies(self) -> bool:
         """Whether the simulation is one of robots."""
         return bool(self.simulation.scenario.model == "embodied")
-
-    @property
-    def sides_cm(self) -> tuple[float, ...]:
-        """Side of the space, or of the arena at its largest, along each dimension."""
-        scenario = self.simulation.scenario
-        return largest_cm(scenario) if self.has_bodies else (scenario.space.side_cm,) * scenario.space.dimensions
 
 
 class Series(Shipped):

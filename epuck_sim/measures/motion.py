@@ -9,6 +9,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.measures.common import ABOVE_0, Series, Share, Shipped, allowed, share, up_to
+from epuck_sim.scenario.embodied import largest_cm
 from epuck_sim.util.jit import jit
 
 
@@ -158,8 +159,10 @@ class _Map(Shipped):
     check = staticmethod(allowed(cells=up_to(MOST_CELLS)))
 
     def __post_init__(self) -> None:
-        self._cell_cm = np.array(self.sides_cm) / self.cells
-        self._counts: IntArray = np.zeros((self.cells,) * len(self.sides_cm), np.int64)
+        scenario = self.simulation.scenario
+        sides_cm = largest_cm(scenario) if self.has_bodies else (scenario.space.side_cm,) * scenario.space.dimensions
+        self._cell_cm = np.array(sides_cm) / self.cells
+        self._counts: IntArray = np.zeros((self.cells,) * len(sides_cm), np.int64)
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:

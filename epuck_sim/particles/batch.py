@@ -11,7 +11,7 @@ import numpy as np
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.particles.events import advance, observe
 from epuck_sim.particles.neighbours import find_receivers
-from epuck_sim.particles.swarm import SCENE, SCENE_BYTES, Neighbours, Oscillators, array_in, entry_of
+from epuck_sim.particles.swarm import HEAR, SCENE, SCENE_BYTES, Instant, Neighbours, Oscillators, array_in, entry_of
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit
 from epuck_sim.util.native import address_of, call, carve
@@ -92,7 +92,8 @@ def record_cycles(block: ByteArray, addresses: IntArray, address: int, states: B
 def links_in(block: ByteArray, addresses: IntArray, states: ByteArray, senders: IntArray) -> IntArray:
     """Return (links,) as `Batch.links`, of some senders, in their order, in states that have been observed.
 
-    They are found in another block, as observers must not change what the simulation itself has found.
+    Those whom faults keep from a pulse are left out if there is an address of `swarm.HEAR`. Links are found in another
+    block, as observers must not change what the simulation itself has found.
     """
     neighbours = carve(block, Neighbours)
     scene, found = neighbours.scene, 0
@@ -106,10 +107,13 @@ def links_in(block: ByteArray, addresses: IntArray, states: ByteArray, senders: 
         for index in range(len(senders)):
             sender = senders[index]
             find_receivers(block, addresses, neighbours, sender, scene.now)
-            count = neighbours.counts[sender]
+            count, members = neighbours.counts[sender], neighbours.members
+            if addresses[HEAR] != 0:
+                call(addresses[HEAR], block, addresses, sender, scene.now)
+                count, members = scene.heard, carve(block, Instant).heard
             if found + count > len(links):
                 links = np.concatenate((links, np.empty(len(links) + count, np.int64)))
             for rank in range(count):
-                links[found + rank] = (row * scene.agents + sender) * scene.agents + entry_of(neighbours.members, rank)
+                links[found + rank] = (row * scene.agents + sender) * scene.agents + entry_of(members, rank)
             found += count
     return links[:found]

@@ -90,39 +90,26 @@ def _change_each(faults: RecordArray, affected: RecordArray, time_ms: float, pha
 
 @jit_no_alloc
 def keep_heard(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
-    """List in `heard` the receivers of an agent's pulse that faults do not keep from it."""
-    neighbours, heard = carve(block, Neighbours), carve(block, Instant).heard
-    scene, row = neighbours.scene, row_of(neighbours, agent)
+    """List in `heard` the receivers of an agent's pulse that faults do not keep from it.
+
+    An agent's pulses are told apart by their instants.
+    """
+    trajectories, neighbours, faulty = carve(block, Trajectories), carve(block, Neighbours), carve(block, Faulty)
+    scene, heard, row = neighbours.scene, carve(block, Instant).heard, row_of(neighbours, agent)
     scene.heard = 0
-    for rank in range(neighbours.counts[agent]):
-        other = entry_of(neighbours.members, row + rank)
-        if is_heard(block, addresses, agent, other, time, scene.instants):
+    for rank in range(0 if faulty.is_mute[agent] else neighbours.counts[agent]):
+        other, square = entry_of(neighbours.members, row + rank), 0.0
+        if faulty.is_deaf[other]:
+            continue
+        advance_one(block, addresses, trajectories, agent, time)
+        advance_one(block, addresses, trajectories, other, time)
+        for axis in range(scene.dimensions):
+            to, here = axis * scene.agents + agent, axis * scene.agents + other
+            offset = trajectories.origin[to] - trajectories.origin[here]
+            offset += trajectories.heading[to] * distance_travelled(trajectories, agent, time)
+            offset -= trajectories.heading[here] * distance_travelled(trajectories, other, time)
+            offset = nearest_image(scene.is_cyclic, scene.side_cm, offset)
+            square += offset * offset
+        if not misses(faulty.faults, faulty.affected, other, np.sqrt(square), agent, scene.instants):
             heard[scene.heard] = other
             scene.heard += 1
-
-
-@jit_no_alloc
-def is_heard(block: ByteArray, addresses: IntArray, sender: int, receiver: int, time: float, instant: int) -> bool:
-    """Return whether no fault keeps a pulse from its receiver; an agent's pulses are told apart by their instants."""
-    trajectories, faulty = carve(block, Trajectories), carve(block, Faulty)
-    scene, square = trajectories.scene, 0.0
-    if faulty.is_mute[sender] or faulty.is_deaf[receiver]:
-        return False
-    advance_one(block, addresses, trajectories, sender, time)
-    advance_one(block, addresses, trajectories, receiver, time)
-    for axis in range(scene.dimensions):
-        to, here = axis * scene.agents + sender, axis * scene.agents + receiver
-        offset = trajectories.origin[to] - trajectories.origin[here]
-        offset += trajectories.heading[to] * distance_travelled(trajectories, sender, time)
-        offset -= trajectories.heading[here] * distance_travelled(trajectories, receiver, time)
-        offset = nearest_image(scene.is_cyclic, scene.side_cm, offset)
-        square += offset * offset
-    return not misses(faulty.faults, faulty.affected, receiver, np.sqrt(square), sender, instant)
-
-
-@jit
-def mark_heard(block: ByteArray, addresses: IntArray, senders: IntArray, receivers: IntArray, found: BoolArray) -> None:
-    """Write whether each receiver of a pulse of the last instant heard it, no time having passed since."""
-    scene = carve(block, Trajectories).scene
-    for link in range(len(senders)):
-        found[link] = is_heard(block, addresses, senders[link], receivers[link], scene.now, scene.instants - 1)

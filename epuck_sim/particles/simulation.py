@@ -17,12 +17,12 @@ from epuck_sim.faults import begin_or_end, fault_event
 from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.batch import Batch, Recorder, links_in
 from epuck_sim.particles.events import advance, observe, turn_if_next
-from epuck_sim.particles.faults import begin_faults, change_faults, mark_heard, speeds_with_faults
+from epuck_sim.particles.faults import begin_faults, change_faults, speeds_with_faults
 from epuck_sim.particles.initial_conditions import Rules, draw_differences, initial_speeds, rules_of, start
 from epuck_sim.particles.motion import begin_motion, start_at_present
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
-from epuck_sim.particles.swarm import SCHEDULE_SEED, Arrays, array_in, keep_state, state_of
+from epuck_sim.particles.swarm import CALLS, HEAR, SCHEDULE_SEED, Arrays, array_in, keep_state, scene_of, state_of
 from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TrialEvent, timed_entries
 from epuck_sim.scenario.loader import load_of_model
@@ -447,18 +447,19 @@ class ParticleSimulation:
         """Return (1, bytes) the observed state of the swarm, which the next event overwrites."""
         return self._observe().block[None, : len(self._present_rules.beginning)]
 
-    def _links_in(self, states: ByteArray, senders: IntArray) -> IntArray:
-        """Return the links from senders in observed states, by the present rules."""
+    def _links_in(self, states: ByteArray, senders: IntArray, addresses: IntArray) -> IntArray:
+        """Return the links from senders in observed states, by the present rules and these functions."""
         if isinstance(self._present.neighbourhood, RandomAgents):
             raise ScenarioError(
                 f"{self.scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
                 "there are neighbours only by position"
             )
-        return links_in(self._present_rules.new_block(), self._addresses, states, senders)
+        return links_in(self._present_rules.new_block(), addresses, states, senders)
 
     def batch_of(self, states: ByteArray) -> Batch:
         """Return observed states, (rows, bytes), for measures."""
-        return Batch(self.scenario, states, partial(self._links_in, states, np.arange(self.oscillators)))
+        addresses = np.where(np.arange(CALLS) == HEAR, 0, self._addresses)  # links are by position, not by faults
+        return Batch(self.scenario, states, partial(self._links_in, states, np.arange(self.oscillators), addresses))
 
     def record(self) -> None:
         """Begin to record cycles, from now on, as long as there is room."""
@@ -477,11 +478,8 @@ class ParticleSimulation:
         event, agents, state = self.last_instant(), self.oscillators, self._observed_state().copy()
         if self.scenario.agents.reorient_on:
             array_in(state, "heading")[:] = array_in(state, "headings_before")
-        senders, receivers = np.divmod(self._links_in(state, event.fired), agents)
-        if self.scenario.faults:
-            is_heard = np.zeros(len(senders), np.bool_)
-            mark_heard(self._arrays.block, self._addresses, senders, receivers, is_heard)
-            senders, receivers = senders[is_heard], receivers[is_heard]
+        scene_of(state[0]).instants -= 1  # by which faults tell pulses apart
+        senders, receivers = np.divmod(self._links_in(state, event.fired, self._addresses), agents)
         reached, first = np.unique(receivers, return_index=True)  # no agent receives two pulses at one instant
         is_shifted = np.zeros(len(receivers), np.bool_)
         is_shifted[first[np.isin(reached, event.received)]] = True
