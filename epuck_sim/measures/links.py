@@ -24,15 +24,14 @@ class Links(Shipped):
 
     MODELS = ("embodied", "particles")
     check_scenario = staticmethod(check_sight)
-    _keeps = 0  # number of cycles whose links are kept for the next batch
-    _passed = 0  # number of cycles before this batch
+    # number of cycles whose links are kept for the next batch, these links, and number of cycles before this batch
+    _keeps, _before, _passed = 0, NO_LINKS, 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._population = int(self.simulation.scenario.population)
         self._square = self._population**2
         self._seen: list[IntArray] = [NO_LINKS]
-        self._before = NO_LINKS
         if not self.has_bodies:
             self.simulation.neighbour_links()  # compiles the kernel before any clock runs
 
@@ -98,12 +97,7 @@ class LinkLife(_Kept, Share):
 
 DIRECTIONS = ("in", "out", "both")
 CONNECTIONS = ("weak", "strong")
-STATISTICS: dict[str, Callable[..., Any]] = {
-    "mean": np.mean,
-    "smallest": np.min,
-    "largest": np.max,
-    "sd": np.std,
-}
+STATISTICS: dict[str, Callable[..., Any]] = {"mean": np.mean, "smallest": np.min, "largest": np.max, "sd": np.std}
 
 
 def ends_of(links: IntArray, population: int) -> tuple[IntArray, IntArray]:

@@ -132,28 +132,24 @@ def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
 
 @dataclass
 class _Clusters(Shipped):
-    """Base class of measures of clusters: the members of each, at each cycle."""
+    """Base class of measures of clusters."""
 
     gap: float = 0.02
     check = staticmethod(allowed(gap=BELOW_HALF_A_CYCLE))
-
-    def clusters(self, batch: Any) -> IntArray:
-        """Return (cycles, oscillators) number of the cluster to which each belongs."""
-        return cluster_numbers(batch.phases, self.gap)
 
 
 class ClusterCount(_Clusters, Series):
     """Number of phase clusters at each cycle: neighbours at most `gap` cycles apart are in one (series)."""
 
     def batch(self, batch: Any, _: Any) -> None:
-        self._series += (self.clusters(batch).max(axis=1, initial=-1) + 1).tolist()
+        self._series += (cluster_numbers(batch.phases, self.gap).max(axis=1, initial=-1) + 1).tolist()
 
 
 class LargestCluster(_Clusters, Series):
     """Share of the oscillators that is in the largest phase cluster at each cycle (series)."""
 
     def batch(self, batch: Any, _: Any) -> None:
-        numbers = self.clusters(batch)
+        numbers = cluster_numbers(batch.phases, self.gap)
         cycles, oscillators = numbers.shape
         every = numbers + oscillators * np.arange(cycles)[:, None]
         sizes = np.bincount(every.ravel(), minlength=every.size).reshape(cycles, -1)
@@ -170,7 +166,7 @@ class ClusterLife(_Clusters, Share):
     _before: IntArray | None = None
 
     def batch(self, batch: Any, _: Any) -> None:
-        numbers = self.clusters(batch)
+        numbers = cluster_numbers(batch.phases, self.gap)
         if self._before is not None:
             numbers = np.concatenate([self._before, numbers])
         lived, gone = surviving_clusters(numbers[:-1], numbers[1:])

@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.particles.events import advance, observe
+from epuck_sim.particles.events import observe
 from epuck_sim.particles.neighbours import find_receivers
 from epuck_sim.particles.swarm import HEAR, SCENE, SCENE_BYTES, Instant, Neighbours, Oscillators, array_in, entry_of
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit
-from epuck_sim.util.native import address_of, call, carve
+from epuck_sim.util.native import call, carve
 
 MOST_CYCLES, MOST_LINKS = 128, 2**22
 """Most cycles of a batch, and most links that they may have together, unless one cycle has more."""
@@ -47,25 +47,6 @@ class Batch:
     def links(self) -> IntArray:
         """(links,) who would receive whose pulse, ascending: (row * agents + sender) * agents + receiver."""
         return np.sort(self._find_links())
-
-
-class Recorder:
-    """The states of a swarm at the cycles of a batch that have been taken."""
-
-    def __init__(self, agents: int, size: int) -> None:
-        """Make room for states of so many bytes."""
-        self.room = max(1, min(MOST_CYCLES, MOST_LINKS // agents**2))
-        self.count = 0
-        self._states = np.empty((self.room, size), np.uint8)
-
-    def advance(self, block: ByteArray, addresses: IntArray) -> None:
-        """Simulate until a limit is reached, as `events.advance` does, and add each cycle."""
-        self.count = record_cycles(block, addresses, address_of(advance), self._states, self.count)
-
-    def take(self) -> ByteArray:
-        """Return (cycles, bytes) the states, which are overwritten by the next ones."""
-        count, self.count = self.count, 0
-        return self._states[:count]
 
 
 @jit

@@ -15,7 +15,7 @@ from epuck_sim.display.html import element, to_html
 from epuck_sim.errors import ScenarioError
 from epuck_sim.faults import begin_or_end, fault_event
 from epuck_sim.order_parameter import Firing
-from epuck_sim.particles.batch import Batch, Recorder, links_in
+from epuck_sim.particles.batch import MOST_CYCLES, MOST_LINKS, Batch, links_in, record_cycles
 from epuck_sim.particles.events import advance, observe, turn_if_next
 from epuck_sim.particles.faults import begin_faults, change_faults, speeds_with_faults
 from epuck_sim.particles.initial_conditions import Rules, draw_differences, initial_speeds, rules_of, start
@@ -80,8 +80,9 @@ class ParticleSimulation:
     """Entries of the schedule that were carried out, and faults that began and ended, in order."""
     next_change: Moment
     """Nominal period, and the share of it that has passed, when something changes at a time, or `NEVER`."""
-    recorder: Recorder | None = None
-    """Records cycles after `record`, as long as it has room; whoever begins this takes them, and ends it with None."""
+    room: ByteArray = np.empty((0, 0), np.uint8)
+    """(cycles, bytes) room for the states at firings of the reference, once `record` has made it."""
+    recorded = 0  # number of these states that are taken by the next `take_batch`
 
     def __init__(self, scenario: ScenarioLike, seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.
@@ -146,12 +147,12 @@ class ParticleSimulation:
         """Switch to the block of a new swarm with these rules."""
         self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
         self._state = state_of(self._arrays.block)
-        if self.recorder is not None:
+        if len(self.room):
             self.record()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without addresses, which are valid in this process only."""
-        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "recorder")
+        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "room", "recorded")
         kept = {name: value for name, value in vars(self).items() if name not in left_out}
         own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
         return {**kept, **own}
@@ -187,7 +188,11 @@ class ParticleSimulation:
         state = self._state
         state["limits"][0] = pulses, cycles, *end, max(offset, state["max_offset"].item())
         try:
-            (advance if self.recorder is None else self.recorder.advance)(self._arrays.block, self._addresses)
+            if len(self.room):
+                where = address_of(advance), self.room, self.recorded
+                self.recorded = record_cycles(self._arrays.block, self._addresses, *where)
+            else:
+                advance(self._arrays.block, self._addresses)
         except Exception as error:  # nothing else in the kernel raises
             phase = float(self._arrays.scene.response.last_phase)
             raise curve_error(self._present.response, phase, error) from error
@@ -261,9 +266,8 @@ class ParticleSimulation:
         self._is_changed = False
         while self.next_change <= end:
             self._advance(last_firing_before(self.next_change), pulses, cycles, offset)
-            is_recorded = self.recorder is not None and self.recorder.count > 0
             is_over = self.is_synchronised or self.cycles >= cycles or self._state["pulses"].item() >= pulses
-            if is_recorded or is_over:
+            if self.recorded or is_over:
                 return
             self._carry_out_timed()
         self._advance(end, pulses, cycles, offset)
@@ -441,7 +445,7 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        return self.batch_of(self._observed_state()).links
+        return self._batch(self._observed_state()).links
 
     def _observed_state(self) -> ByteArray:
         """Return (1, bytes) the observed state of the swarm, which the next event overwrites."""
@@ -456,14 +460,19 @@ class ParticleSimulation:
             )
         return links_in(self._present_rules.new_block(), addresses, states, senders)
 
-    def batch_of(self, states: ByteArray) -> Batch:
-        """Return observed states, (rows, bytes), for measures."""
+    def _batch(self, states: ByteArray) -> Batch:
         addresses = np.where(np.arange(CALLS) == HEAR, 0, self._addresses)  # links are by position, not by faults
         return Batch(self.scenario, states, partial(self._links_in, states, np.arange(self.oscillators), addresses))
 
     def record(self) -> None:
         """Begin to record cycles, from now on, as long as there is room."""
-        self.recorder = Recorder(self.oscillators, len(self._present_rules.beginning))
+        cycles = max(1, min(MOST_CYCLES, MOST_LINKS // self.oscillators**2))
+        self.room, self.recorded = np.empty((cycles, len(self._present_rules.beginning)), np.uint8), 0
+
+    def take_batch(self) -> Batch:
+        """Return the cycles that have been recorded, one or more."""
+        taken, self.recorded = self.room[: self.recorded], 0
+        return self._batch(taken)
 
     def pulse_links(self) -> IntArray:
         """Return the links of the pulses at the last instant at which agents fired, if no time has passed since.

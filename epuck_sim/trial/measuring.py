@@ -110,7 +110,7 @@ class Measuring:
                 tell, tells = partial(_call, measure, origin, getattr(instance, told_by)), observers
                 if told_by == STRETCH_METHOD:
                     tells = self.at_stretches
-                elif told_by == BATCH_METHOD and hasattr(simulation, "recorder"):
+                elif told_by == BATCH_METHOD and hasattr(simulation, "take_batch"):
                     tells = self.at_batches
                 elif told_by == BATCH_METHOD:
                     tell = partial(_tell_one, tell, simulation)

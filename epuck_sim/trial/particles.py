@@ -55,7 +55,7 @@ def run_agents(
             asked = time.perf_counter()
             # progress shows order parameters, which are measured only at firings of the reference
             is_one_cycle = bool(measuring.at_cycles) or (progress is not None and simulation.order_parameter is None)
-            most = 1 if is_one_cycle else limit if simulation.recorder is None else simulation.recorder.room
+            most = 1 if is_one_cycle else len(simulation.room) or limit
             last_cycle = min(limit, measuring.next_cycle, cycles + most)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
@@ -67,7 +67,7 @@ def run_agents(
             _tell(measuring, simulation)
         if progress is not None:
             progress(simulation)
-    simulation.recorder = None
+    simulation.room = simulation.room[:0]
     is_early = has_ended()
     if is_timed and not is_early:
         simulation.run_to(end_s)
@@ -90,8 +90,8 @@ def run_agents(
 
 def _tell(measuring: Measuring, simulation: ParticleSimulation) -> None:
     """Tell measures of the cycles that were taken."""
-    if simulation.recorder is not None:
-        batch = simulation.batch_of(simulation.recorder.take())
+    if measuring.at_batches:
+        batch = simulation.take_batch()
         for tell in measuring.at_batches:
             tell(batch, simulation)
     if measuring.at_cycles:
