@@ -147,12 +147,22 @@ class ParticleSimulation:
         """Switch to the block of a new swarm with these rules."""
         self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
         self._state = state_of(self._arrays.block)
+        self._scratch: ByteArray | None = None  # a block in which links are looked for
         if len(self.room):
             self.record()
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without addresses, which are valid in this process only."""
-        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "room", "recorded")
+        left_out = (
+            "_rules",
+            "_present_rules",
+            "_addresses",
+            "_arrays",
+            "_state",
+            "_scratch",
+            "room",
+            "recorded",
+        )
         kept = {name: value for name, value in vars(self).items() if name not in left_out}
         own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
         return {**kept, **own}
@@ -458,7 +468,9 @@ class ParticleSimulation:
                 f"{self.scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
                 "there are neighbours only by position"
             )
-        return links_in(self._present_rules.new_block(), addresses, states, senders)
+        if self._scratch is None:
+            self._scratch = self._present_rules.new_block()
+        return links_in(self._scratch, addresses, states, senders)
 
     def _batch(self, states: ByteArray) -> Batch:
         addresses = np.where(np.arange(CALLS) == HEAR, 0, self._addresses)  # links are by position, not by faults
