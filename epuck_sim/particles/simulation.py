@@ -153,16 +153,7 @@ class ParticleSimulation:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without addresses, which are valid in this process only."""
-        left_out = (
-            "_rules",
-            "_present_rules",
-            "_addresses",
-            "_arrays",
-            "_state",
-            "_scratch",
-            "room",
-            "recorded",
-        )
+        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "_scratch", "room", "recorded")
         kept = {name: value for name, value in vars(self).items() if name not in left_out}
         own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
         return {**kept, **own}
