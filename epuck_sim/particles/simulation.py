@@ -22,7 +22,7 @@ from epuck_sim.particles.initial_conditions import Rules, draw_differences, init
 from epuck_sim.particles.motion import begin_motion, start_at_present
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
-from epuck_sim.particles.swarm import CALLS, HEAR, SCHEDULE_SEED, Arrays, array_in, keep_state, scene_of, state_of
+from epuck_sim.particles.swarm import HEAR, SCHEDULE_SEED, Arrays, array_in, keep_state, scene_of, state_of
 from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TrialEvent, timed_entries
 from epuck_sim.scenario.loader import load_of_model
@@ -446,7 +446,7 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        return self._batch(self._observed_state()).links
+        return np.sort(self._links_by_place(self._observed_state()))
 
     def _observed_state(self) -> ByteArray:
         """Return (1, bytes) the observed state of the swarm, which the next event overwrites."""
@@ -463,9 +463,11 @@ class ParticleSimulation:
             self._scratch = self._present_rules.new_block()
         return links_in(self._scratch, addresses, states, senders)
 
-    def _batch(self, states: ByteArray) -> Batch:
-        addresses = np.where(np.arange(CALLS) == HEAR, 0, self._addresses)  # links are by position, not by faults
-        return Batch(self.scenario, states, partial(self._links_in, states, np.arange(self.oscillators), addresses))
+    def _links_by_place(self, states: ByteArray) -> IntArray:
+        """Return the links from all agents in observed states, whatever faults they have."""
+        addresses = self._addresses.copy()
+        addresses[HEAR] = 0
+        return self._links_in(states, np.arange(self.oscillators), addresses)
 
     def record(self) -> None:
         """Begin to record cycles, from now on, as long as there is room."""
@@ -475,7 +477,7 @@ class ParticleSimulation:
     def take_batch(self) -> Batch:
         """Return the cycles that have been recorded, one or more."""
         taken, self.recorded = self.room[: self.recorded], 0
-        return self._batch(taken)
+        return Batch(self.scenario, taken, partial(self._links_by_place, taken))
 
     def pulse_links(self) -> IntArray:
         """Return the links of the pulses at the last instant at which agents fired, if no time has passed since.

@@ -120,10 +120,13 @@ def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> 
     return ParticleSimulation(scenario, seed)
 
 
-def _run_agents(*given: Any) -> TrialResult:
+def _run_agents(simulation: Any, *given: Any) -> TrialResult:
     from epuck_sim.trial.particles import run_agents
 
-    return run_agents(*given)
+    try:
+        return run_agents(simulation, *given)
+    finally:
+        simulation.room = simulation.room[:0]  # also after Ctrl-C it records no more
 
 
 MODELS: dict[str, Model] = {}  # the models by the name that a scenario's key `model` gives
