@@ -164,7 +164,7 @@ def compare(
         samples = match_values(read[0], key, values)
     elif points:
         allowed = "allowed: numbers of points, one for each folder, or several of one, as in 3,0"
-        wrong = ((re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)*", text) is None, text) for text in points)
+        wrong = ((re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)+", text) is None, text) for text in points)
         reject_first(*((is_wrong, f"--points is {text!r}; {allowed}") for is_wrong, text in wrong))
         chosen = [[*map(int, text.split(","))] for text in points]
         if len(read) == 1:
