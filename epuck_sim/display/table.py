@@ -173,7 +173,10 @@ def csv_cell(value: Any, digits: int = CSV_DIGITS) -> Any:
     """
     if value is None or isinstance(value, str | int | list | dict):
         return value
-    return f"{value:.{digits}g}" if math.isfinite(value) else ""
+    if not math.isfinite(value):
+        return ""
+    same = float(f"{value:.{max(digits, 13)}g}")  # sums differ in their last digits from one machine to another
+    return f"{same:.{digits}g}"
 
 
 def _columns(table: Table) -> list[_Column]:
