@@ -371,7 +371,7 @@ class History:
     """Takes steps of a simulation's control loop in one arena, and records them for measures."""
 
     def __init__(self, scenario: EmbodiedScenario, scene: Scene, loop: ControlLoop, arena: Arena) -> None:
-        """Make arrays for `MOST_STEPS` steps, and compile `record_steps`, unless the loop is plain Python."""
+        """Make arrays for `MOST_STEPS` steps."""
         self._loop, self._arena, self._block, swarm = loop, arena, scene.block, scene.swarm
         self._present: BoolArray = swarm.robots.present
         robots, places = len(swarm.robots), []
@@ -389,7 +389,6 @@ class History:
         in_python = {"take_steps": loop.take_steps, "swarm_at": lambda _: swarm}
         self._record = record if loop.is_compiled else bind(record.function, **in_python)
         self._scene = make_scene(scenario.robots, scenario.group_kinds, arena)
-        self.take(0)  # compiles now, so that no trial's time includes it
 
     def take(self, steps: int) -> int:
         """Take up to this number of steps, as `record_steps` does."""

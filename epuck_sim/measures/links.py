@@ -32,8 +32,6 @@ class Links(Shipped):
         self._population = int(self.simulation.scenario.population)
         self._square = self._population**2
         self._seen: list[IntArray] = [NO_LINKS]
-        if not self.has_bodies:
-            self.simulation.neighbour_links()  # compiles the kernel before any clock runs
 
     def stretch(self, stretch: Any, _: Any) -> None:
         _, looks, lit = stretch.sightings.T

@@ -46,7 +46,7 @@ class Batch:
     @cached_property
     def links(self) -> IntArray:
         """(links,) who would receive whose pulse, ascending: (row * agents + sender) * agents + receiver."""
-        return np.sort(self._find_links())
+        return self._find_links()
 
 
 @jit

@@ -167,8 +167,7 @@ class ParticleSimulation:
         self._arrays.block[:] = block
 
     def __iter__(self) -> Iterator[Event]:
-        """Return the simulation itself, which continues from its present state; compile what events need."""
-        address_of(turn_if_next)
+        """Return the simulation itself, which continues from its present state."""
         return self
 
     def __next__(self) -> Event:
@@ -446,7 +445,7 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        return np.sort(self._links_by_place(self._observed_state()))
+        return self._links_by_place(self._observed_state())
 
     def _observed_state(self) -> ByteArray:
         """Return (1, bytes) the observed state of the swarm, which the next event overwrites."""
@@ -464,15 +463,19 @@ class ParticleSimulation:
         return links_in(self._scratch, addresses, states, senders)
 
     def _links_by_place(self, states: ByteArray) -> IntArray:
-        """Return the links from all agents in observed states, whatever faults they have."""
+        """Return the links from all agents in observed states, whatever faults they have, ascending."""
         addresses = self._addresses.copy()
         addresses[HEAR] = 0
-        return self._links_in(states, np.arange(self.oscillators), addresses)
+        return np.sort(self._links_in(states, np.arange(self.oscillators), addresses))
 
     def record(self) -> None:
         """Begin to record cycles, from now on, as long as there is room."""
         cycles = max(1, min(MOST_CYCLES, MOST_LINKS // self.oscillators**2))
         self.room, self.recorded = np.empty((cycles, len(self._present_rules.beginning)), np.uint8), 0
+
+    def end_recording(self) -> None:
+        """Record no more; cycles that were not taken are forgotten."""
+        self.room, self.recorded = self.room[:0], 0
 
     def take_batch(self) -> Batch:
         """Return the cycles that have been recorded, one or more."""

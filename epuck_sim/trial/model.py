@@ -126,7 +126,7 @@ def _run_agents(simulation: Any, *given: Any) -> TrialResult:
     try:
         return run_agents(simulation, *given)
     finally:
-        simulation.room = simulation.room[:0]  # also after Ctrl-C it records no more
+        simulation.end_recording()
 
 
 MODELS: dict[str, Model] = {}  # the models by the name that a scenario's key `model` gives

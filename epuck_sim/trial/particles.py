@@ -33,7 +33,6 @@ def run_agents(
     is_timed = end_s == stop.max_time_s
     periods, share = divmod(end_s / period_s, 1.0)
     end = (int(periods), share) if is_timed else (longest, 0.0)
-    events = iter(simulation if observers else ())  # compiles what events need, before the clock runs
     if measuring.at_batches:
         simulation.record()
     began = working_s()
@@ -48,7 +47,7 @@ def run_agents(
             break
         cycles = simulation.cycles
         if observers:
-            event = next(events)
+            event = next(simulation)
             for observer in observers:
                 observer(event, simulation)
         else:
@@ -67,7 +66,6 @@ def run_agents(
             _tell(measuring, simulation)
         if progress is not None:
             progress(simulation)
-    simulation.room = simulation.room[:0]
     is_early = has_ended()
     if is_timed and not is_early:
         simulation.run_to(end_s)

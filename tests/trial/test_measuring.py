@@ -187,6 +187,18 @@ def test_many_cycles_at_once_are_as_one_by_one_and_as_those_of_short_slices(case
     assert len(at_once.measures) == len(names) > 15
 
 
+def test_a_trial_that_is_broken_off_records_no_more() -> None:
+    def interrupt(_) -> None:
+        raise KeyboardInterrupt
+
+    stop = {"order_parameter": None, "max_cycles": 1000}
+    simulation = simulate(load_scenario({"model": "particles", "stop": stop, "measures": ["degree"]}), 3)
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(simulation, progress=interrupt)
+    simulation.run(500)
+    assert simulation.cycles == 500
+
+
 def test_interpreted_controllers_make_the_same_stretches() -> None:
     compiled, interpreted = values("faults"), values("faults", interpret=True)
     assert compiled.measures == interpreted.measures
