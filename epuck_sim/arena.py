@@ -15,6 +15,8 @@ PATCH = np.dtype(
 """A patch of a floor: brightness from 0, black, to 1, white; for a disc, centre and radius in cm; for a convex polygon,
 the mean of its corners, radius 0, and its range among the floor's edges."""
 
+LAMP_SHARE = 1 / 80  # radius of a lamp's dot in pictures, as a share of the arena's longer side
+
 
 @dataclass(frozen=True, eq=False)
 class Floor:
@@ -59,7 +61,7 @@ class Arena:
     @property
     def lamp_cm(self) -> float:
         """Radius of the dots that stand for lamps in pictures, cm."""
-        return 1 / 80 * max(self.width_cm, self.height_cm)
+        return LAMP_SHARE * max(self.width_cm, self.height_cm)
 
     def with_movables_at(self, places_cm: FloatArray) -> "Arena":
         """Return the arena with its movables at (movables, 2) cm."""

@@ -20,7 +20,7 @@ from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import StopSection
 from epuck_sim.sweep.worker import AtWork, never_returned
 from epuck_sim.trial.result import WINDOW, TrialState, hopelessness_watch
-from epuck_sim.util.cache_folder import fleeting_root
+from epuck_sim.util.cache_folder import is_kept
 from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # single trials need no pools
@@ -88,7 +88,7 @@ class TrialProgress(_ProgressLine):
                 done, file = found
                 told.add(file)
                 now = f", now {file.name}" if file else ""
-                kept = "none is kept" if fleeting_root.cache_info().currsize else "later runs reuse them"
+                kept = "later runs reuse them" if is_kept() else "none is kept"
                 self.show(f"compiled {counted(done, 'function')} so far{now}; {kept}")
 
     def _tell_of_what_never_returns(self) -> None:

@@ -95,13 +95,14 @@ def check_stored_points(folder: Path, connection: sqlite3.Connection, given: Seq
     """
     last = "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)"
     stored = read_stored_points(connection, last, WITH_VALUES)
-    now = {point.key: json.loads(point.measures) for point in given}
-    before = ((now.get(point.key, {}), json.loads(point.measures)) for point in stored)
-    dropped = {name for after, measures in before for name in measures if measures[name] != after.get(name)}
+    now = {point.key: point.measures for point in given}
+    texts = {(point.measures, now.get(point.key, "{}")) for point in stored}  # many points have the same
+    pairs = [(json.loads(before), json.loads(after)) for before, after in texts]
+    dropped = {name for before, after in pairs for name in before if before[name] != after.get(name)}
     if dropped:
         dropped &= {name for (name,) in connection.execute(FAILED_MEASURES)}
-    kept = [point._replace(measures=without(dropped, point.measures)) for point in stored]
-    check_same_sweep(folder, kept, given)
+        stored = [point._replace(measures=without(dropped, point.measures)) for point in stored]
+    check_same_sweep(folder, stored, given)
     return dropped
 
 

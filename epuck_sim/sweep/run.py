@@ -20,7 +20,6 @@ from epuck_sim.sweep import scheduler
 from epuck_sim.sweep.demand import check_sweep
 from epuck_sim.sweep.worker import Task, step_limit_s
 from epuck_sim.trial.model import check_interpretable
-from epuck_sim.util.messages import whole
 
 if TYPE_CHECKING:  # it takes scipy
     from epuck_sim.sweep.looks import Looks
@@ -71,9 +70,8 @@ def run_sweep(
         StoreError: The folder cannot be used.
         ClusterError: There are no workers; the trials stored so far stay.
     """
-    if workers is not None and not callable(workers):
-        workers = whole("workers", workers)  # before there is a folder
-    open_pool = workers if callable(workers) else partial(scheduler.local_pool, workers)
+    # a wrong number is refused before there is a folder
+    open_pool = workers if callable(workers) else partial(scheduler.local_pool, scheduler.count_workers(workers))
     loaded = load_scenario(scenario)
     if interpret:
         check_interpretable(loaded)

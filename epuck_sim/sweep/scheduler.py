@@ -23,6 +23,7 @@ from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.store import Outcome
 from epuck_sim.sweep.worker import Task, compile_ahead, make_outcome, out_of_time, run_chunk
 from epuck_sim.util.machine import allow_files, blocked
+from epuck_sim.util.messages import whole
 
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
@@ -65,7 +66,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
 
     If the block ends with an error, work in progress is discarded.
     """
-    workers = workers or available_cores()
+    workers = count_workers(workers)
     needed = 24 + 2 * workers  # of this process, and of the server
     if (allowed := allow_files(needed)) is not None:
         enough = max(1, (allowed - 24) // 2)
@@ -115,6 +116,11 @@ def _context() -> "ForkServerContext | SpawnContext":
     with blocked("SIGINT"):
         forkserver.ensure_running()
     return context
+
+
+def count_workers(workers: int | None) -> int:
+    """Return the number of workers, by default that of cores; raise ValueError unless it is a whole number from 1."""
+    return available_cores() if workers is None else whole("workers", workers)
 
 
 def available_cores() -> int:

@@ -57,6 +57,11 @@ def fleeting_root(why: str) -> Path:
     return Path(tempfile.mkdtemp(prefix="epuck-sim-"))
 
 
+def is_kept() -> bool:
+    """Return whether compiled code is in a folder that later processes find."""
+    return not fleeting_root.cache_info().currsize
+
+
 def is_ours(path: Path) -> bool:
     """Return whether a file or folder, not what a link leads to, belongs to this user."""
     return USER is None or path.lstat().st_uid == USER

@@ -266,7 +266,7 @@ def test_what_has_been_compiled_is_counted_and_said_while_something_is(tmp_path,
 
 @pytest.mark.parametrize("is_fleeting", [False, True])
 def test_a_log_names_each_file_once_that_takes_long_to_compile(monkeypatch, capsys, is_fleeting: bool) -> None:
-    monkeypatch.setattr(progress.fleeting_root, "cache_info", lambda: SimpleNamespace(currsize=int(is_fleeting)))
+    monkeypatch.setattr(progress, "is_kept", lambda: not is_fleeting)
     looks = [None, None, Path("mine.py"), Path("mine.py"), None]
     monkeypatch.setattr(progress, "COMPILING_IN_A_LOG_S", 0.001)
     monkeypatch.setattr(native, "compiling", lambda: (2, looks.pop(0)) if looks[1:] else shown._is_over.set())

@@ -15,7 +15,7 @@ from numba.core.dispatcher import Dispatcher
 from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario
 from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE
 from epuck_sim.util.builtin import ARENAS, builtin_files
-from tests.control.bench import with_step, write_controller
+from tests.control.bench import EMPTY, with_step, write_controller
 from tests.control.test_firmware import write_firmware
 from tests.embodied.steps import CHANGING, FAULTY, SIGNALS, bits, coming_and_going, constant, kept, steps_of, swarm_of
 from tests.tools import needs_compiler
@@ -409,3 +409,7 @@ def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded():
         step = next(simulation)
         assert not step.wheels_cm_s[8:].any()
         assert controller == "external_wheels" or not step.ring_on[8:].any()
+
+
+def test_a_file_says_what_is_external(tmp_path):
+    assert write_controller(tmp_path / "mine.py", EMPTY + "EXTERNAL = ('ring',)\n").external == ("ring",)
