@@ -13,8 +13,7 @@ import numpy as np
 
 from docs.trials import COLUMNS, read_table, table_file, write_table
 from epuck_sim import Scenario, load_scenario, points, read_points, run_sweep
-from epuck_sim.runs.database import reading
-from epuck_sim.runs.reader import measures_in
+from epuck_sim.runs.database import measures_in, reading
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.yaml_io import read_yaml

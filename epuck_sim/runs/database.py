@@ -77,6 +77,7 @@ UNMEASURED = """
 """
 """Condition on a trial: it lacks the value of a measure of its point."""
 
+BLOCK = 10_000  # trials that are read at once: as text or objects of Python they take some ten times the memory
 NULL = -1  # number that stands for NULL in a column of numbers that are never negative
 
 MARSHAL_VERSION = 2
@@ -258,6 +259,12 @@ def _named(connection: sqlite3.Connection, table: str) -> tuple[list[str], int]:
 
 def _sum(row: tuple[Any, ...]) -> int:
     return zlib.crc32(marshal.dumps(row, MARSHAL_VERSION))
+
+
+def measures_in(connection: sqlite3.Connection) -> list[str]:
+    """Return the names of the measures of a folder's points, in their order."""
+    rows = connection.execute("SELECT measures FROM points ORDER BY number")
+    return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
 
 
 def columns_of(connection: sqlite3.Connection, table: str) -> list[str]:

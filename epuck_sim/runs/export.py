@@ -9,8 +9,7 @@ from pyarrow import csv, parquet
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import Value
-from epuck_sim.runs.database import RESULT, as_column, reading
-from epuck_sim.runs.reader import BLOCK, measures_in
+from epuck_sim.runs.database import BLOCK, RESULT, as_column, measures_in, reading
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 

@@ -19,7 +19,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.measure import T_SYNC_S, Value
 from epuck_sim.runs.compatibility import WHOLE, read_share
-from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
+from epuck_sim.runs.database import BLOCK, NULL, UNMEASURED, measures_in, read_numbers, reading
 from epuck_sim.runs.folder import DATABASE, current_holder, database_of
 from epuck_sim.runs.sources import DIGESTS, read_digests
 from epuck_sim.scenario.axes import canonical_text, texts_of_values
@@ -160,9 +160,6 @@ def _having(stored: list[Any], where: str) -> list[Any]:
     return [each for each, row in zip(stored, rows, strict=True) if canonical_text({key: row[key]}) in texts]
 
 
-BLOCK = 10_000  # trials that are read at once: as text or objects of Python they take some ten times the memory
-
-
 def read_ends(
     connection: sqlite3.Connection, key: str, trials: int = sys.maxsize
 ) -> tuple[IntArray, IntArray, IntArray]:
@@ -185,12 +182,6 @@ def _read_column(
     """Return a column, by default of JSON, decoded, for each trial of a point that has a result, in order."""
     query = f"SELECT {column} FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
     return [text and decode(text) for (text,) in connection.execute(query, (key,))]
-
-
-def measures_in(connection: sqlite3.Connection) -> list[str]:
-    """Return the names of the measures of a folder's points, in their order."""
-    rows = connection.execute("SELECT measures FROM points ORDER BY number")
-    return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
 
 
 class FinishedTrials:

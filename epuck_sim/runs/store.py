@@ -22,6 +22,7 @@ from epuck_sim.runs.database import (
     as_column,
     as_stored,
     check_database,
+    measures_in,
     new_database,
     note_trials,
     quoted,
@@ -32,7 +33,7 @@ from epuck_sim.runs.database import (
     writing,
 )
 from epuck_sim.runs.folder import DATABASE, acquire, is_at
-from epuck_sim.runs.reader import FinishedTrials, measures_in, read_ends, read_finished
+from epuck_sim.runs.reader import FinishedTrials, read_ends, read_finished
 from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.loader import Point
 from epuck_sim.scenario.scenario import Scenario

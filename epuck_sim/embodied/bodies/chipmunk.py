@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from operator import attrgetter
 from types import FunctionType, SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pymunk
 
@@ -24,9 +24,6 @@ from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, open_block, swa
 from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call_c, double_from_c, pointer_from_c, vector_from_c
-
-if TYPE_CHECKING:
-    from epuck_sim.embodied.bodies.world import Bodies
 
 try:
     from pymunk._chipmunk_cffi import ffi, lib
@@ -258,10 +255,10 @@ def take_from_space(space: int, things: Iterable[Thing]) -> None:
                 remove(pointer, _struct(thing))
 
 
-def free_space(addresses: IntArray, bodies: "Bodies") -> None:
-    """Free the space, if there is one, after removing the parts that pymunk's objects free themselves."""
+def free_space(addresses: IntArray, parts: Callable[[], Iterable[Thing]]) -> None:
+    """Free the space, if there is one, after removing the parts, which pymunk's objects free themselves."""
     if addresses[SPACE]:
-        take_from_space(addresses[SPACE], [bodies.ground, *bodies.listed, *bodies.pushed])
+        take_from_space(addresses[SPACE], parts())
         lib.cpSpaceFree(ffi.cast("cpSpace *", int(addresses[SPACE])))
         addresses[SPACE] = 0
 

@@ -70,6 +70,10 @@ class Bodies:
         """The parts that are in the space for a whole trial, beside the ground and its surfaces, in this order."""
         return [*_each(self.movables), *self.holds, *(joint for _, joint in self.drives)]
 
+    def parts(self) -> list[Thing]:
+        """Return all parts that may be in the space."""
+        return [self.ground, *self.listed, *self.pushed]
+
 
 def _each(discs: Sequence[tuple[Thing, ...]]) -> list[Thing]:
     return [thing for disc in discs for thing in disc]
@@ -191,7 +195,7 @@ class World:
     def _free_with_world(self) -> None:
         if self._finalizer:
             self._finalizer.detach()
-        self._finalizer = weakref.finalize(self, self._way.free_space, self._addresses, self._bodies)
+        self._finalizer = weakref.finalize(self, self._way.free_space, self._addresses, self._bodies.parts)
 
     def place(self) -> None:
         """Begin a trial in the first arena, with robots at rest where the block says and movables where they begin."""
@@ -205,7 +209,7 @@ class World:
 
     def _renew(self) -> None:
         """Make all bodies anew: old ones keep data of their last contacts, and joints their impulses."""
-        self._way.free_space(self._addresses, self._bodies)
+        self._way.free_space(self._addresses, self._bodies.parts)
         self._bodies = self._make_bodies()
         self._addresses[SPACE], self._addresses[GROUND] = 0, self._way.address(self._bodies.ground)
         listed = list(map(self._way.address, self._bodies.listed))
