@@ -420,7 +420,7 @@ def check_command(name: str, values: npt.NDArray[Any], robots: IntArray) -> None
         )
     allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
     if part == "ring":
-        allowed, fits = "true and false, or 1 and 0", np.isin(values, (0, 1))
+        allowed, fits = "true and false, or 1 and 0", (values == 0) | (values == 1)
     elif values.dtype.kind in "iuf":
         fits = ~np.isnan(values)
     if not fits.all():

@@ -132,6 +132,7 @@ class Simulation:
         self._scene = Scene(scenario.robots, block, swarm)
         self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
         self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
+        self._actuators = swarm.robots["actuators"].view(np.ndarray)  # quicker than a recarray
         self._robots_vary = bool(swarm.scene["robots_vary"][0])
         self._groups, self._sensors = [], list[OwnSensor]()
         for number, (controller, section) in enumerate(zip(controllers, scenario.robots, strict=True)):
@@ -369,7 +370,7 @@ class Simulation:
         for name, values in commands.items():
             check_command(name, values, robots[name])
         for name, values in commands.items():
-            self._swarm.robots.actuators[name][robots[name]] = values
+            self._actuators[name][robots[name]] = values
         act_again(*self.memory)
         self._note("command", **commands)
 

@@ -96,7 +96,7 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         if not self.agents:
             raise ValueError("no episode is under way: it is over, or has not begun; call reset()")
         if actions.keys() != set(self.agents):
-            odd = sorted(set(self.agents) ^ actions.keys())
+            odd = sorted(set(self.agents) ^ actions.keys(), key=str)
             raise ValueError(f"actions are needed for each of {len(self.agents)} agents; missing or unknown: {odd[:5]}")
         allowed = self._rows.single_action_space.shape
         if odd := [agent for agent in self.agents if np.shape(actions[agent]) != allowed]:

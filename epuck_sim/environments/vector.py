@@ -120,9 +120,8 @@ class AgentSpaces:
             seen[..., self.fields[READING + name]] = np.nan_to_num(flat, posinf=np.inf, neginf=-np.inf)
         return seen
 
-    def command(self, actions: npt.ArrayLike, actuators: npt.NDArray[np.void]) -> None:
+    def command(self, given: npt.NDArray[Any], actuators: npt.NDArray[np.void]) -> None:
         """Set (swarms, robots) actuators as commanded by actions, (swarms, agents) or (swarms, agents, numbers)."""
-        given = np.asarray(actions)
         shape = self.action.shape or ()
         if given.shape[2:] != shape:
             raise ValueError(f"an agent's action has the shape {given.shape[2:]}; allowed: {shape}")
@@ -301,12 +300,11 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         # before users' functions change the arrays they get
         observations, infos = self._observe(situation), self._infos(situation)
         terminated = self._ends(situation) & ~resting
-        rewards = _for_each_robot(self._reward(situation), situation)[:, self.spaces.chosen]
+        rewards = _for_each_robot(self._reward(situation), situation, resting)[:, self.spaces.chosen]
         truncated = (self._numbers >= self._last_step) & ~resting
         self._is_over = terminated | truncated
         flags = np.repeat(terminated, self.agents), np.repeat(truncated, self.agents)
-        rewards = np.where(resting[:, None], 0.0, rewards)
-        return observations, rewards.ravel(), *flags, infos
+        return observations, rewards.flatten(), *flags, infos
 
     def _ends(self, situation: Situation) -> BoolArray:
         """Return (swarms,) whether the user's condition ends each swarm's episode."""
@@ -423,16 +421,16 @@ def _commanded(simulation: Simulation) -> Simulation:
     return Simulation(simulation.scenario.model_copy(update={"robots": groups}), simulation.seed)
 
 
-def _for_each_robot(rewards: npt.ArrayLike, situation: Situation) -> FloatArray:
-    """Return (swarms, robots) rewards that were given for each robot, or for each swarm."""
-    given = np.asarray(rewards)
-    shape = situation.ring_on.shape
-    are_numbers = given.dtype.kind in "biuf"
-    if not are_numbers or given.shape not in (shape, shape[:1]) or np.isnan(given).any():
-        wrong = f"the shape {given.shape}" if are_numbers else f"values of the type {given.dtype}"
-        raise ValueError(
-            f"reward returned {'NaN' if are_numbers and np.isnan(given).any() else wrong}; allowed: numbers of "
-            f"the shape {shape[:1]}, one for each swarm, or {shape}, one for each robot"
-        )
-    given = given.astype(float)
-    return given if given.shape == shape else np.repeat(given, shape[1]).reshape(shape)
+def _for_each_robot(rewards: npt.ArrayLike, situation: Situation, resting: BoolArray) -> FloatArray:
+    """Return (swarms, robots) rewards that were given for each robot, or for each swarm; 0 where swarms rest."""
+    given, shape = np.asarray(rewards), situation.ring_on.shape
+    wrong = f"the shape {given.shape}"
+    if given.dtype.kind not in "biuf":
+        wrong = f"values of the type {given.dtype}"
+    elif given.shape in (shape, shape[:1]):
+        counted = np.where(resting[:, None], 0.0, given.reshape(len(given), -1).astype(float))
+        if not np.isnan(counted).any():
+            return np.broadcast_to(counted, shape)
+        wrong = "NaN"
+    allowed = f"{shape[:1]}, one for each swarm, or {shape}, one for each robot"
+    raise ValueError(f"reward returned {wrong}; allowed: numbers of the shape {allowed}")

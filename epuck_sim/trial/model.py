@@ -162,7 +162,7 @@ def run_trial(
 
     Args:
         simulation: A `Simulation`, a `ParticleSimulation`, or one of a registered model.
-        observers: Each is called as `observer(event, state)` after every event; they cannot change the outcome.
+        observers: Each is called as `observer(event, state)` after every event; only commands change the outcome.
         progress: Called with the state of the trial now and then.
 
     Returns:

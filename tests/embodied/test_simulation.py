@@ -53,14 +53,18 @@ def test_the_seed_is_the_scenarios_own_unless_it_is_given_reset_keeps_it_and_a_r
     assert simulation.seed == 5
 
 
-def test_a_reset_reads_no_field_of_a_record_by_its_name_in_python_which_takes_microseconds() -> None:
-    simulation, called = Simulation("thesis", 4), list[str]()
+@pytest.mark.parametrize(
+    ("work", "given", "most"), [("reset", {}, 34), ("command", {"left_cm_s": 1, "right_cm_s": 2, "ring_on": 1}, 24)]
+)
+def test_resets_and_commands_read_no_field_of_a_record_in_python_which_takes_microseconds(work, given, most) -> None:
+    simulation, called = Simulation({"robots": [{"controller": "external"}]}, 4), list[str]()
+    next(simulation)
     sys.setprofile(lambda frame, event, _: called.append(frame.f_code.co_name) if event == "call" else None)
-    simulation.reset()
+    getattr(simulation, work)(**given)
     sys.setprofile(None)
-    assert "reset" in called
+    assert work in called
     assert not {"__getattribute__", "_getfield_is_safe"} & {*called}
-    assert len(called) < 35
+    assert len(called) <= most
 
 
 REACT = with_step(

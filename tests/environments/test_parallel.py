@@ -14,6 +14,7 @@ from pettingzoo.utils import AssertOutOfBoundsWrapper, OrderEnforcingWrapper, pa
 from epuck_sim import ScenarioError, Simulation, epuck, load_scenario, run_trial
 from epuck_sim.environments import parallel_env
 from epuck_sim.environments.rewards import Situation, aggregation, coverage, synchrony
+from epuck_sim.util.seeds import trial_seed
 from tests.control.bench import with_sense
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
@@ -159,6 +160,7 @@ def test_a_seed_begins_a_row_of_episodes_which_all_differ_and_a_refused_one_chan
     first = rows(one, None)
     assert rows(other, 4) == first
     assert rows(one, 4) == first
+    assert one._rows.simulations[0].seed == trial_seed(4, 2)
     assert len({tuple(row) for row in first}) == 3
 
 
@@ -249,6 +251,7 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost():
         (dict.fromkeys(AGENTS, np.full(3, np.nan)), "an agent's action has nan; allowed: finite"),
         (dict.fromkeys(AGENTS, ["left"] * 3), "an agent's action has left; allowed: finite"),
         ({"robot_0": np.zeros(3)}, "missing or unknown: .'robot_1', 'robot_2'"),
+        ({0: np.zeros(3)}, "missing or unknown: .0, 'robot_0'"),
     ):
         env = parallel_env(SWARM, seed=4)
         env.reset()

@@ -13,7 +13,7 @@ from matplotlib import pyplot
 
 from epuck_sim import ControllerError, ScenarioError, Simulation
 from epuck_sim.control.loader import find_controller
-from epuck_sim.environments import ROBOT_ENV, RobotEnv, parallel_env, vector_env
+from epuck_sim.environments import ROBOT_ENV, RobotEnv, coverage, parallel_env, vector_env
 from tests.control.bench import with_step
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
@@ -26,12 +26,17 @@ def policy(rows):
     return np.tanh(rows @ np.sin(np.outer(columns, [1.0, 2.0, 3.0])))
 
 
+def covering(situation):
+    """Return a reward that is undetermined before the first step of an episode, for which no agent gets any."""
+    return np.where(situation.time_s > 0, coverage(situation), np.nan)
+
+
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_each_swarm_does_what_it_does_alone_to_the_bit(threads):
     """Policies are evaluated in the same batches, as sums of floats depend on them."""
-    batch = vector_env(SWARM, 4, seed=7, reward="coverage", episode_s=2.0, threads=threads)
+    batch = vector_env(SWARM, 4, seed=7, reward=covering, episode_s=2.0, threads=threads)
     rows, _ = batch.reset()
-    singles = [parallel_env(SWARM, seed=7 + swarm, reward="coverage", episode_s=2.0) for swarm in range(4)]
+    singles = [parallel_env(SWARM, seed=7 + swarm, reward=covering, episode_s=2.0) for swarm in range(4)]
     alone = [list(env.reset()[0].values()) for env in singles]
     over = np.zeros(4, bool)
     for _ in range(50):

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+from itertools import islice
 from types import SimpleNamespace
 
 import numpy as np
@@ -114,6 +115,18 @@ def test_observers_that_write_into_a_steps_arrays_do_not_change_the_outcome():
     scenario = load_scenario("thesis", ["robots.0.parameters.speed_cm_s=3", "stop.max_time_s=100"])
     plain, meddled = (without_wall(run_trial(Simulation(scenario, 2), observers)) for observers in ([], [meddle]))
     assert meddled == plain
+
+
+def test_an_observer_may_command_robots_and_others_are_shown_what_it_commanded():
+    driven = {"robots": [{"controller": "external", "count": 3}], "stop": {"max_time_s": 5}}
+    (trial, alone), shown = (Simulation(driven, 2) for _ in range(2)), []
+    run_trial(
+        trial, [lambda step, _: trial.command(step.number % 9), lambda step, _: shown.append(str(step.wheels_cm_s))]
+    )
+    for step, wheels in zip(islice(alone, 50), shown, strict=True):
+        alone.command(step.number % 9)
+        assert str(step.wheels_cm_s) == wheels
+    np.testing.assert_array_equal(step.poses, trial.last_step.poses)
 
 
 NEVER_FIRES = """
