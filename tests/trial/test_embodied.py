@@ -117,15 +117,12 @@ def test_observers_that_write_into_a_steps_arrays_do_not_change_the_outcome():
     assert meddled == plain
 
 
-def test_an_observer_may_command_robots_and_others_are_shown_what_it_commanded():
+def test_an_observer_may_command_robots_as_a_program_does():
     driven = {"robots": [{"controller": "external", "count": 3}], "stop": {"max_time_s": 5}}
-    (trial, alone), shown = (Simulation(driven, 2) for _ in range(2)), []
-    run_trial(
-        trial, [lambda step, _: trial.command(step.number % 9), lambda step, _: shown.append(str(step.wheels_cm_s))]
-    )
-    for step, wheels in zip(islice(alone, 50), shown, strict=True):
+    trial, alone = (Simulation(driven, 2) for _ in range(2))
+    run_trial(trial, [lambda step, _: trial.command(step.number % 9)])
+    for step in islice(alone, 50):
         alone.command(step.number % 9)
-        assert str(step.wheels_cm_s) == wheels
     np.testing.assert_array_equal(step.poses, trial.last_step.poses)
 
 
