@@ -114,7 +114,7 @@ class Simulation:
             raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")
         self._step_ms, self._interpret = scenario.timing.step_ms, interpret
         self.step_s = self._step_ms / 1000
-        self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # largest number of steps in one call
+        self._most_unseen = LOGGED_STEPS if scenario.faults else MOST_STEPS  # largest number of steps in one call
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         self._has_replaced = False
         controllers = [find_controller(group.controller) for group in scenario.robots]
