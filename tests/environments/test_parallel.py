@@ -34,6 +34,8 @@ def test_pettingzoos_tests_pass(scenario, reward, actions):
         warnings.simplefilter("error")
         parallel_api_test(make(), num_cycles=15)
         parallel_seed_test(make, num_cycles=15)
+        if actions == "discrete":
+            api_test(OrderEnforcingWrapper(AssertOutOfBoundsWrapper(parallel_to_aec(make()))), num_cycles=15)
 
 
 @pytest.mark.parametrize("scenario", ["thesis", "kilobots", {"robots": [{"memory": {"phase_ms": 9}}]}])
@@ -260,13 +262,6 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost():
             env.step(action)
         np.testing.assert_array_equal(env.state(), before)
         env.step({agent: np.zeros(3) for agent in env.agents})
-
-
-def test_wrappers_that_people_use_work():
-    env = OrderEnforcingWrapper(AssertOutOfBoundsWrapper(parallel_to_aec(parallel_env(SWARM, actions="discrete"))))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        api_test(env, num_cycles=20)
 
 
 def test_robots_of_another_kind_observe_the_sensors_that_they_have_and_drive_up_to_their_own_limit():

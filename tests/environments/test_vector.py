@@ -28,14 +28,11 @@ def policy(rows):
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_each_swarm_does_what_it_does_alone_to_the_bit(threads):
-    """Policies are evaluated in the same batches, as sums of floats depend on them."""
-
-    def covering(situation):  # undetermined before an episode's first step, for which nobody is rewarded
-        return np.where(situation.time_s > 0, coverage(situation), np.nan)
-
-    batch = vector_env(SWARM, 4, seed=7, reward=covering, episode_s=2.0, threads=threads)
+    """Policies are evaluated in the same batches, as sums of floats depend on them; no reward is of a first moment."""
+    task = {"reward": lambda each: np.where(each.time_s > 0, coverage(each), np.nan), "episode_s": 2.0}
+    batch = vector_env(SWARM, 4, seed=7, threads=threads, **task)
     rows, _ = batch.reset()
-    singles = [parallel_env(SWARM, seed=7 + swarm, reward=covering, episode_s=2.0) for swarm in range(4)]
+    singles = [parallel_env(SWARM, seed=7 + swarm, **task) for swarm in range(4)]
     alone = [list(env.reset()[0].values()) for env in singles]
     over = np.zeros(4, bool)
     for _ in range(50):

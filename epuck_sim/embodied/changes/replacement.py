@@ -118,7 +118,7 @@ SOURCES = {".py": (".py",), ".c": (".c", ".h"), ".so": (".so",)}
 class ControllerFiles:
     """An observer of a trial that replaces controllers whose files, or what these import, have changed.
 
-    Unlike other observers it changes the trial; without an edit, the outcome is the same to the bit.
+    It changes the trial; without an edit, the outcome is the same to the bit.
     """
 
     def __init__(self, simulation: "Simulation", announce: Callable[[str], None]) -> None:
