@@ -51,5 +51,7 @@ def write_claims(folder: Path, claims: list[dict] = EVERY_VERDICT, sweep: dict =
     return path
 
 
-def replicate(file: Path, folder: Path, *words: object):
-    return call("replicate", *words, "--claims", file, "--out", folder, "--workers", 1)
+def replicate(file: Path, folder: Path, *words: object, code: int = 0):
+    result = call("replicate", *words, "--claims", file, "--out", folder, "--workers", 1)
+    assert result.exit_code == code, result.stderr
+    return result

@@ -64,34 +64,13 @@ def test_an_effect_decides_if_it_is_far_from_the_threshold() -> None:
         assert reading.verdict == (UNDECIDED if verdict == UNDECIDED else Verdict.READING)  # of a threshold of ours
 
 
-def test_points_are_compared_up_to_the_lowest_of_their_limits() -> None:
+def test_points_of_a_ratio_are_compared_up_to_their_lowest_limit_and_paired_by_their_other_axes() -> None:
+    """Not by their order; and those without another do not count."""
     limit = "stop.max_cycles"
     trials = {100: ended([10, 20, 30, 40, 100], [True] * 4 + [False]), 1000: ended([10, 20, 30, 40, 900])}
     points = in_memory(sweep({limit: [100, 1000]}, trials=5), lambda point: trials[point.axes[limit]])
     ratio = Check.model_validate({"test": "ratio", "between": [{limit: 100}, {limit: 1000}], "above": 1})
     assert run_check(ratio, points).effect.estimate.value == pytest.approx(1)
-
-
-def test_what_a_check_takes_is_of_series() -> None:
-    (point,) = in_memory(sweep({SPEED: [1]}, trials=2), lambda _: ended([1, 2]))
-    series, numbers = (point._replace(measured=values) for values in (([0.5, 1.0], [2.0]), (0.5, None)))
-    assert taken(check(of="x", take="largest", above=1), [series])[0].measured == (1.0, 2.0)
-    assert taken(check(of="x", take="growth", above=1), [series])[0].measured == (None, None)
-    for keys, has, said in [({}, series, "x is a series"), ({"take": "final"}, numbers, "x is no series")]:
-        with pytest.raises(EpuckSimError, match=said):
-            taken(check(of="x", above=1, **keys), [has])
-
-
-def test_no_threshold_stands_for_another_one_that_was_not_reached() -> None:
-    scenario = sweep({SPEED: [1]}, trials=2, measures=["threshold_cycles"])
-    (point,) = in_memory(scenario, lambda _: ended([1, 2]))
-    thresholds = point._replace(of="threshold_cycles", measured=([3, 5], [4, None]))
-    for take, values in (("first", (3, 4)), ("final", (5, None)), ("largest", (5, None))):
-        assert taken(check(of="threshold_cycles", take=take, above=1), [thresholds])[0].measured == values
-
-
-def test_points_of_a_ratio_are_paired_by_their_other_axes() -> None:
-    """Not by their order; and those without another do not count."""
     rows = [(0.1, 1, 3), (0.1, 10, 3), (0.1, 7, 3), (0.2, 10, 5), (0.2, 1, 5)]
     listed = [dict(zip((COUPLING, SPEED, COUNT), row, strict=True)) for row in rows]  # the count is tied to the first
     times = {1: [10, 20, 30, 40, 50], 10: [1, 2, 3, 4, 5], 7: [60] * 5}
@@ -99,6 +78,21 @@ def test_points_of_a_ratio_are_paired_by_their_other_axes() -> None:
     ratio = Check.model_validate({"test": "ratio", "between": [{COUPLING: 0.1}, {COUPLING: 0.2}], "above": 1})
     assert [tuple(p.number for p in pair) for pair in verdicts.pair_points(ratio, points)] == [(0, 4), (1, 3)]
     assert run_check(ratio, points).effect.estimate.value == pytest.approx(1)
+
+
+def test_what_a_check_takes_is_of_series_and_no_threshold_stands_for_one_that_was_not_reached() -> None:
+    (point,) = in_memory(sweep({SPEED: [1]}, trials=2), lambda _: ended([1, 2]))
+    series, numbers = (point._replace(measured=values) for values in (([0.5, 1.0], [2.0]), (0.5, None)))
+    assert taken(check(of="x", take="largest", above=1), [series])[0].measured == (1.0, 2.0)
+    assert taken(check(of="x", take="growth", above=1), [series])[0].measured == (None, None)
+    for keys, has, said in [({}, series, "x is a series"), ({"take": "final"}, numbers, "x is no series")]:
+        with pytest.raises(EpuckSimError, match=said):
+            taken(check(of="x", above=1, **keys), [has])
+    scenario = sweep({SPEED: [1]}, trials=2, measures=["threshold_cycles"])
+    (point,) = in_memory(scenario, lambda _: ended([1, 2]))
+    thresholds = point._replace(of="threshold_cycles", measured=([3, 5], [4, None]))
+    for take, values in (("first", (3, 4)), ("final", (5, None)), ("largest", (5, None))):
+        assert taken(check(of="threshold_cycles", take=take, above=1), [thresholds])[0].measured == values
 
 
 def test_what_one_test_decides_many_may_not_but_a_formula_is_not_corrected_and_corrects_nothing() -> None:
@@ -120,15 +114,12 @@ def test_what_one_test_decides_many_may_not_but_a_formula_is_not_corrected_and_c
     assert second.verdict == HOLDS
 
 
-def test_a_claim_holds_if_all_its_tests_do() -> None:
+def test_a_claim_holds_if_all_its_tests_do_or_needs_no_trials_and_an_identity_that_fails_is_contradicted() -> None:
     claim, _ = claimed(finding(student(1, 1, 9), above=0))
     assert decide(claim, [HOLDS, HOLDS]) == HOLDS
     assert decide(claim, [HOLDS, UNDECIDED]) == UNDECIDED
     assert decide(claim, [HOLDS, CONTRADICTED, UNDECIDED]) == CONTRADICTED
     assert decide(claim, []) == Verdict.NOT_ASKED
-
-
-def test_what_needs_no_trials_says_so_and_an_identity_that_fails_is_contradicted() -> None:
     for verdict in (Verdict.IDENTITY, Verdict.NO_CLAIM, Verdict.NOT_ASKED):
         reason = {verdict.replace(" ", "_"): "why"}
         claim = Claim.model_validate({"id": "A1", "section": "9", "claim": "so", **reason})
@@ -149,7 +140,6 @@ def test_the_rate_of_an_exponential_is_found_but_no_factor_that_comes_once_nor_w
     growing = np.minimum(1e-9 * np.exp(0.07 * CYCLES), 0.3)
     assert growing[-1] > verdicts.LARGEST
     assert growth(growing) == pytest.approx(0.07, rel=0.02)
-
     assert growth(np.where(CYCLES < 40, 1e-9, 0)) < -0.05  # one that vanishes shrinks
     assert growth(1e-9 * np.exp(-0.5 * CYCLES)) == pytest.approx(-0.5, rel=0.05)
 
@@ -162,14 +152,11 @@ def swept() -> dict[str, tuple[Point, ...]]:
     return {name: points(sweep_scenario(CLAIMS, name)) for name in CLAIMS.sweeps}
 
 
-def test_keys_may_leave_out_the_sweep_of_a_scenario() -> None:
+def test_every_test_finds_its_points_in_a_sweep_that_can_be_run_and_keys_may_leave_out_that_of_a_scenario() -> None:
     asked = {"scenario": "two-nearest", "keys": {"sweep": None}}
     claim = {"id": "A", "section": "9", "claim": "so", "no_claim": "-"}
     claims = CLAIMS.model_validate({"sweeps": {"one": asked}, "claims": [claim]})
     assert len(points(sweep_scenario(claims, "one"))) == 1
-
-
-def test_every_test_finds_its_points_in_a_sweep_that_can_be_run() -> None:
     none = np.array([]), np.array([], bool), ()
     found = {name: [PointTrials(*point[:4], *none) for point in of_sweep] for name, of_sweep in swept().items()}
     assert found.keys() == {claim.sweep for claim in CLAIMS.claims if claim.checks and claim.sweep}
@@ -244,9 +231,8 @@ def test_numbers_that_follow_from_equations_fulfil_these() -> None:
     assert sigma_b == pytest.approx(math.sqrt(2 / (5 * robots) * robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))
 
 
-SMALL_BYTES = 20_000  # size of the tables that are read in each run of the tests
-
-SMALL = sorted(file.name.removesuffix(".csv.gz") for file in TABLES.glob("*.gz") if file.stat().st_size < SMALL_BYTES)
+# read in each run of the tests
+SMALL = sorted(file.name.removesuffix(".csv.gz") for file in TABLES.glob("*.gz") if file.stat().st_size < 20_000)
 
 
 @pytest.mark.parametrize("sweep", SMALL)

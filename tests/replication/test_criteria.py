@@ -223,17 +223,15 @@ def test_intervals_of_strong_trends_hold_the_truth() -> None:
     assert 0.92 < np.mean(held) < 0.98
 
 
-def test_trials_are_likelier_by_the_law_that_they_were_drawn_from() -> None:
+def test_trials_are_likelier_by_the_law_they_were_drawn_from_but_for_points_censored_few_or_coarse() -> None:
     rng = np.random.default_rng(5)
-    weibull = [measured(scale * rng.weibull(1.3, 300)) for scale in (10, 100)]
-    lognormal = [measured(scale * rng.lognormal(0, 0.8, 300)) for scale in (10, 100)]
-    assert likelier(weibull, "Weibull", "log-normal").p_above(0) < 1e-4
-    assert likelier(lognormal, "Weibull", "log-normal").p_below(0) < 1e-4
-    other = likelier(weibull, "log-normal", "Weibull").estimate
-    assert likelier(weibull, "Weibull", "log-normal").estimate.value == pytest.approx(-other.value)
-
-
-def test_the_gain_of_a_law_is_the_difference_of_its_likelihood() -> None:
+    of_weibull = [measured(scale * rng.weibull(1.3, 300)) for scale in (10, 100)]
+    of_lognormal = [measured(scale * rng.lognormal(0, 0.8, 300)) for scale in (10, 100)]
+    assert likelier(of_weibull, "Weibull", "log-normal").p_above(0) < 1e-4
+    assert likelier(of_lognormal, "Weibull", "log-normal").p_below(0) < 1e-4
+    other = likelier(of_weibull, "log-normal", "Weibull").estimate
+    assert likelier(of_weibull, "Weibull", "log-normal").estimate.value == pytest.approx(-other.value)
+    # the gain of a law is the difference of its likelihood
     values = np.random.default_rng(6).lognormal(1, 0.7, 40)
     logs = np.log(values)
     # closed form of the log-normal distribution's largest log likelihood
@@ -243,28 +241,21 @@ def test_the_gain_of_a_law_is_the_difference_of_its_likelihood() -> None:
     assert effect.estimate.value == pytest.approx((largest - weibull.sum()) / 40, rel=1e-4)
     gains = stats.norm.logpdf(logs, logs.mean(), logs.std()) - logs - weibull
     assert effect.p_above(0) == pytest.approx(stats.ttest_1samp(gains, 0, alternative="greater").pvalue, rel=1e-3)
-
-
-def test_points_that_are_censored_few_or_coarse_are_left_out() -> None:
     good = measured(np.random.default_rng(7).exponential(5, 60) + 1)
     bad = [times([*range(1, 40), 5000]), lognormal(5, 19, 1), measured([3, 4, 5] * 20)]
     assert likelier([good, *bad], "Weibull", "gamma").estimate == likelier([good], "Weibull", "gamma").estimate
     assert math.isnan(likelier(bad, "Weibull", "gamma").estimate.value)
 
 
-def test_weibull_trials_have_their_mean_though_they_are_censored_and_others_have_not() -> None:
+def test_weibull_trials_have_their_mean_which_is_as_sure_as_trials_drawn_anew_and_others_have_not(monkeypatch) -> None:
     random = np.random.default_rng(1)
     right = criteria.weibull_ratio(measured(1000 * random.weibull(1.4, 400)), 900)
     assert right.estimate.low < 1 < right.estimate.high
     assert right.estimate.high / right.estimate.low < 1.5
     wrong = criteria.weibull_ratio(measured(100 * random.lognormal(0, 2, 400)), 100)
     assert wrong.p_below(0.7) < 1e-3
-
     for sample in (times([100, 200, 300, 400, 5000, 600]), measured([1, 2, 3])):  # censored, or few
         assert knows_nothing(criteria.weibull_ratio(sample, 250))
-
-
-def test_its_error_is_that_of_trials_drawn_anew(monkeypatch) -> None:
     monkeypatch.setattr(criteria, "RESAMPLES", 40)
     random = np.random.default_rng(2)
     many = [criteria.weibull_ratio(measured(1000 * random.weibull(1.4, 60)), 900).estimate for _ in range(12)]
@@ -274,7 +265,6 @@ def test_its_error_is_that_of_trials_drawn_anew(monkeypatch) -> None:
 
 SPEEDS = np.geomspace(0.05, 100, 15)
 TRIALS = 40
-SCENARIO = load_scenario("particles")
 
 
 def curve(values, noise: float = 0.05, seed: int = 0, trials: int = TRIALS) -> Curve:
@@ -283,7 +273,7 @@ def curve(values, noise: float = 0.05, seed: int = 0, trials: int = TRIALS) -> C
     values = np.array(values, float)
     drawn = values * np.exp(noise * rng.normal(size=(400, len(values))))
     count, ends = np.full(len(values), trials), np.column_stack([values, values])
-    return Curve({}, SCENARIO, Statistic.MEAN, SPEEDS, count, 0.0 * values, values, ends, drawn)
+    return Curve({}, load_scenario("particles"), Statistic.MEAN, SPEEDS, count, 0.0 * values, values, ends, drawn)
 
 
 def bump(place: float) -> np.ndarray:
@@ -303,7 +293,6 @@ def test_places_of_a_curve_are_those_of_fit() -> None:
     fast = criteria.find_place(curve(np.maximum(1000 / SPEEDS, 100)), "V_f")
     assert fast is not None
     assert fast.estimate.value == pytest.approx(5, rel=0.05)
-
     # without a peak, or with few trials
     assert criteria.find_place(curve(1000 / SPEEDS), "V_p") is None
     assert criteria.find_place(curve(bump(3), trials=19), "V_m") is None
@@ -319,15 +308,11 @@ def test_the_exponent_of_places_on_a_power_law_is_found(exponent, factor) -> Non
     assert effect.p_above(exponent) == pytest.approx(0.5, abs=1e-6)
 
 
-def test_its_error_is_that_of_places_drawn_anew() -> None:
+def test_its_error_is_that_of_places_drawn_anew_larger_where_these_scatter_and_two_say_nothing() -> None:
     x, rng = np.array([5.0, 10, 20, 40]), np.random.default_rng(1)
     slopes = [np.polyfit(np.log(x), np.log(x) + 0.1 * rng.normal(size=4), 1)[0] for _ in range(4000)]
     effect = criteria.place_exponent(x, [place(at, 0.1, int(at)) for at in x], 10_000)
     assert effect.estimate.high - effect.estimate.value == pytest.approx(1.96 * np.std(slopes), rel=0.1)
-
-
-def test_scatter_about_the_law_makes_it_less_sure_and_two_places_say_nothing() -> None:
-    x = np.array([5.0, 10, 20, 40])
     straight = criteria.place_exponent(x, [place(at, 0.05, 1) for at in x], TRIALS).estimate
     scattered = [place(at * off, 0.05, 1) for at, off in zip(x, (1, 2, 0.5, 1), strict=True)]
     bent = criteria.place_exponent(x, scattered, TRIALS)
@@ -338,16 +323,11 @@ def test_scatter_about_the_law_makes_it_less_sure_and_two_places_say_nothing() -
     assert left.estimate.value == pytest.approx(1)
 
 
-def shifted(factor: float, seed: int) -> tuple[Curve, Curve]:
-    """Return a curve with its peak at a speed that is 3 over the factor, and a rate of so much times the speed.
-
-    The factor enters T_sync, too, as speed to the power of -0.3.
-    """
-    return curve(factor**-0.3 * bump(3 / factor), seed=seed), curve(factor * SPEEDS, 0.01, seed + 50)
-
-
 def test_curves_that_are_one_over_another_quantity_collapse() -> None:
-    drawn = [shifted(factor, seed) for seed, factor in enumerate((0.3, 1, 3))]
+    """Curves over speed have their peak at 3 over a factor, over a rate that is the factor times the speed at 3."""
+    curves = [curve(factor**-0.3 * bump(3 / factor), seed=seed) for seed, factor in enumerate((0.3, 1, 3))]
+    rates = [curve(factor * SPEEDS, 0.01, 50 + seed) for seed, factor in enumerate((0.3, 1, 3))]
+    drawn = [*zip(curves, rates, strict=True)]
     assert criteria.collapse(drawn, TRIALS).p_below(0.5) < 1e-6
     wrong = [(made, curve(SPEEDS / f)) for (made, _), f in zip(drawn, (0.3, 1, 3), strict=True)]
     assert criteria.collapse(wrong, TRIALS).p_above(1) < 1e-6
