@@ -51,35 +51,13 @@ def make_geometry(**settings: Any) -> Geometry:
     return Geometry(make_camera(**settings), (60.0, 60.0), "somewhere", True)
 
 
-TRACK = Track(
-    film="film.mp4",
-    frames=240,
-    fps=29.97,
-    duration_s=8.0,
-    start_s=2.0,
-    calibration="somewhere",
-    period_s=1.0,
-    flash_ms=100.0,
-    threshold_ms=31.8,
-    estimated=("period_s",),
-    rings_outside=0,
-    always_lit=0,
-    position_error_mm=None,
-    robots_seen=6,
-    flashes_per_period=6.04,
-    histogram_s=2.55,
-    histogram_periods=2.55,
-    t_sync_cycles=4,
-    t_sync_s=2.5,
-    t_sync_periods=2.5,
-    confidence="high",
-    warnings=("odd",),
-    times_s=np.arange(240) / 29.97,
-    counts=np.zeros(240, np.int64),
-    geometry=make_geometry(),
-    options=TrackOptions(),
-    **dict.fromkeys(("reasons", "evaluations", "flashes", "steady", "rings"), ()),
-)
+FOUND: dict[str, Any] = dict.fromkeys(("reasons", "evaluations", "flashes", "steady", "rings"), ())
+FOUND |= {"film": "film.mp4", "frames": 240, "fps": 29.97, "duration_s": 8.0, "start_s": 2.0, "options": TrackOptions()}
+FOUND |= {"calibration": "somewhere", "geometry": make_geometry(), "position_error_mm": None}
+FOUND |= {"period_s": 1.0, "flash_ms": 100.0, "threshold_ms": 31.8, "estimated": ("period_s",), "warnings": ("odd",)}
+FOUND |= {"rings_outside": 0, "always_lit": 0, "robots_seen": 6, "flashes_per_period": 6.04, "confidence": "high"}
+FOUND |= {"t_sync_cycles": 4, "t_sync_s": 2.5, "t_sync_periods": 2.5, "histogram_s": 2.55, "histogram_periods": 2.55}
+TRACK = Track(**FOUND, times_s=np.arange(240) / 29.97, counts=np.zeros(240, np.int64))
 """The result of tracking some film, for tests of how results are shown."""
 
 

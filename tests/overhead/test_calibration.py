@@ -46,7 +46,7 @@ def film(seconds: float, lit_until_s: float = 0.0, robots: int = 3, **settings: 
 USER = TrackOptions((60, 50), 100.0, ((0, 0),) * 4, 2.0, 3, 99.0, 0.9)
 
 
-def test_options_override_the_description() -> None:
+def test_options_override_the_description_and_contradict_its_geometry_which_is_the_scenario_s_else() -> None:
     told = FilmMetadata.of({"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7})
     assert TOLD.with_defaults(told) == TOLD._replace(arena_cm=(90, 80), period_s=4.0, robots=7)
     for empty in (None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}):
@@ -59,9 +59,6 @@ def test_options_override_the_description() -> None:
     ]
     for height_cm, warned in ((20.0, ["--height-cm is 20, but the film's description says 110"]), (110.0, [])):
         assert TrackOptions(height_cm=height_cm).contradictions(FilmMetadata.of(described()), (240, 240)) == warned
-
-
-def test_described_geometry_is_that_of_the_scenario_and_not_believed_where_something_contradicts_it() -> None:
     told = FilmMetadata.of(described(height_cm=80.0, distortion=-0.1))
     found = told.geometry((SIDE, SIDE), TrackOptions(period_s=1.0, robots=3))
     assert found is not None
@@ -78,7 +75,7 @@ def test_described_geometry_is_that_of_the_scenario_and_not_believed_where_somet
     assert FilmMetadata.of(None).geometry((240, 240), TOLD) is None
 
 
-def test_corners_that_are_given_need_no_ring_and_a_camera_that_sees_the_floor_from_aside_is_refused() -> None:
+def test_corners_need_no_ring_a_lit_beginning_gives_the_floor_and_a_view_from_aside_is_refused() -> None:
     straight = make_camera(distortion=0.0)
     found = calibrated(film(0.1, lit_until_s=1), TrackOptions(corners_px=floor_corners(straight)))
     assert found.calibration == calibration.CORNERS
@@ -86,9 +83,6 @@ def test_corners_that_are_given_need_no_ring_and_a_camera_that_sees_the_floor_fr
     line = ((5.0, 100.0), (235.0, 100.0), (235.0, 124.1), (5.0, 124.1))
     with pytest.raises(FilmError, match=r"the camera is tilted by .* degrees; allowed: up to 75"):
         calibrated(film(1.2), TrackOptions(corners_px=line))
-
-
-def test_lit_beginning_gives_the_floor_even_behind_a_hand_and_bands_of_light_that_move_are_none() -> None:
     found = calibrated(plain(120, 9) + film(1, lit_until_s=0.3))
     assert found.calibration == calibration.LIGHT
     assert worst_cm(found.camera, make_camera()) <= 0.3
@@ -128,7 +122,7 @@ def test_rings_of_a_dark_film_give_its_scale_and_height_and_arena_are_those_that
     assert found.camera.position_cm.tolist() == [40, 20, 95]
 
 
-def test_ring_is_found_however_late_it_is_lit_and_a_film_without_light_is_refused() -> None:
+def test_ring_is_found_however_late_it_is_lit_and_films_without_light_or_of_one_frame_are_told_of() -> None:
     flash = film(0.55)[-1:]
     assert flash[0].picture[..., 0].max() > 200
     for dark, left in ((0, 0), (150, 50 - 2)):  # in the first frame, it might be a lamp
@@ -138,9 +132,6 @@ def test_ring_is_found_however_late_it_is_lit_and_a_film_without_light_is_refuse
     for frames in ([], plain(120, calibration.LIT_FRAMES + 5), plain(120, calibration.LIT_FRAMES + 5) + plain(3, 5)):
         with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .* 5 to 48 px radius are .*--corners"):
             calibrated(frames)
-
-
-def test_of_a_film_of_one_frame_no_option_is_blamed() -> None:
     assert len(list(calibration.excerpt(plain(0, 1), TrackOptions(end_s=0.02)))) == 1
 
 
@@ -265,7 +256,7 @@ def test_size_and_shape_of_rings_tell_tilt_and_distortion(k1, tilt_deg):
     assert not fitted.camera.lens.is_fisheye
 
 
-def test_rings_tell_a_fisheye_from_a_usual_lens_and_the_distortion_that_corners_alone_do_not():
+def test_rings_tell_a_fisheye_and_distortion_one_that_is_none_does_little_harm_and_few_tell_the_scale():
     camera = camera_of(lens="fisheye", height_cm=40.0, width_px=640, field_of_view_deg=110.0)
     fitted = by_rings(seen_by(camera), 40.0)
     assert fitted.camera.lens.is_fisheye
@@ -274,9 +265,6 @@ def test_rings_tell_a_fisheye_from_a_usual_lens_and_the_distortion_that_corners_
     corners = camera.project(FLOOR)
     assert worst_cm(by_corners(corners, (640, 480)), camera) > 0.3
     assert worst_cm(by_rings(seen_by(camera), corners=corners).camera, camera) < 0.15
-
-
-def test_a_ring_that_is_none_does_little_harm_and_a_few_tell_the_scale_alone():
     camera = camera_of(distortion=-0.2, width_px=640, field_of_view_deg=49.0)
     seen = seen_by(camera)
     radius = seen.radius_px * np.where(np.arange(len(seen.radius_px)) == 4, 1.5, 1.0)

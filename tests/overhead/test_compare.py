@@ -49,7 +49,7 @@ def rows_of(film: list[float], trials: np.ndarray) -> list[QuantityComparison]:
     return [QuantityComparison(*named, *row) for named, *row in zip(QUANTITIES, film, trials.T, strict=False)]
 
 
-def test_few_films_like_the_trials_are_called_unlike() -> None:
+def test_few_films_like_the_trials_are_called_unlike_and_a_verdict_names_what_is_far_off_and_known() -> None:
     random = np.random.default_rng(0)
     mixing = np.array([[1.0, 0.9, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 1.0]])  # the first two depend on each other
     p_values = []
@@ -58,9 +58,6 @@ def test_few_films_like_the_trials_are_called_unlike() -> None:
         p_values.append(judge(rows_of(drawn[0].tolist(), drawn[1:])).p_value)
     assert np.mean(np.array(p_values) <= compare.UNLIKE) <= 0.08  # exactly 2 of 41, give or take
     assert np.mean(np.array(p_values) <= 0.5) == pytest.approx(0.5, abs=0.1)
-
-
-def test_a_verdict_names_what_is_far_off_and_judges_nothing_that_is_not_known() -> None:
     trials = 5 + np.random.default_rng(1).standard_normal((40, 3))
     for off, way in ((-6.0, "shorter"), (6.0, "longer")):
         verdict = judge(rows_of([5.0, 5.0, 5.0 + off], trials))
@@ -80,7 +77,7 @@ def test_a_verdict_names_what_is_far_off_and_judges_nothing_that_is_not_known() 
     assert (math.isnan(verdict.p_value), "nothing can be said" in verdict.sentence) == (True, True)
 
 
-def test_a_trial_that_alone_differs_from_others_that_are_the_same_hides_no_film_that_is_far_off() -> None:
+def test_one_trial_hides_no_film_that_is_far_off_and_too_few_trials_and_too_short_a_film_are_said() -> None:
     trials = np.full((40, 3), math.inf)
     trials[3, 0], trials[5, 1] = 8.0, 9.0
     trials[:, 2] = np.random.default_rng(0).normal(401, 2, 40)
@@ -88,9 +85,6 @@ def test_a_trial_that_alone_differs_from_others_that_are_the_same_hides_no_film_
         verdict = judge([row._replace(end=20.0) for row in rows_of(film, trials)])
         assert verdict.p_value <= 2 / 41
         assert f"{off} shorter than" in verdict.sentence
-
-
-def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> None:
     trials = 5 + np.random.default_rng(3).standard_normal((40, 1))
     few = judge(rows_of([99.0], trials[:18]))
     assert few.sentence == "18 trials are too few to tell whether the film is like them; give --trials 19 or more"
@@ -167,7 +161,7 @@ def test_robots_of_several_groups_are_not_fitted_none_is_faster_than_its_wheels_
         assert mean.value == pytest.approx(value, abs=1e-6)
 
 
-def test_robots_of_trials_are_told_apart_by_tags_where_those_of_the_film_are() -> None:
+def test_robots_of_trials_are_told_apart_by_tags_as_in_the_film_and_those_that_leave_are_nowhere() -> None:
     mixed = load_scenario(SCENARIO, ["robots.0.count=8", "robots.0.parameters.speed_cm_s=12"])
     by_motion, by_tags = (track_trial(mixed, 5, film) for film in (FILM, TAGGED))
     assert by_motion.identities.unsure > 0.2
@@ -178,9 +172,6 @@ def test_robots_of_trials_are_told_apart_by_tags_where_those_of_the_film_are() -
     rows = compare_film(film, mixed, 2, lambda trials: trials)
     clocks = next(row for row in rows if row.name == "half-width of clock rates")
     assert clocks.unknown == 0
-
-
-def test_robots_that_leave_while_they_are_lit_are_nowhere() -> None:
     leaves = [{"at_s": 5 + number / 10, "remove": [number]} for number in range(1, 4)]  # robot 0 is the reference
     scenario = load_scenario(SCENARIO, [f"schedule={leaves}"])
     for seed in range(6):

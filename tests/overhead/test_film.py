@@ -24,6 +24,7 @@ from tests.overhead.films import cut_off, number_in, numbered_picture, write_fil
 from tests.tools import no_file_larger_than
 
 UNEVEN = np.cumsum(np.random.default_rng(4).integers(4500, 8000, 60)).tolist()
+SHARES = st.floats(0, 1, exclude_max=True)
 
 
 def read(path) -> tuple[list[float], list[int], list[str]]:
@@ -167,9 +168,6 @@ def test_what_is_no_film_and_an_mp4_film_without_its_index(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=3)
-
-
 @pytest.fixture(scope="module", params=[kit.MP4, kit.MKV, kit.AVI, kit.TS], ids=str)
 def whole(request, tmp_path_factory) -> tuple[bytes, kit.Kind, int]:
     """Return a film, its kind, and the ticks from one frame to the next."""
@@ -190,7 +188,7 @@ def frames_unless_refused(path) -> list[tuple[float, int]]:
 
 
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(flips=FLIPS, share=st.floats(0, 1, exclude_max=True))
+@given(st.lists(st.tuples(SHARES, st.integers(1, 255)), min_size=1, max_size=3), SHARES)
 def test_a_film_that_is_changed_or_cut_off_ends_in_no_traceback(whole, tmp_path, flips, share):
     content, kind, ticks = whole
     path, damaged = tmp_path / f"f.{kind.ending}", bytearray(content)
@@ -290,7 +288,7 @@ def test_frames_are_read_back_at_their_times_and_browsers_can_play_them(tmp_path
     assert 0 < path.read_bytes().index(b"moov") < path.read_bytes().index(b"mdat")
 
 
-def test_same_frames_same_file_with_description_and_title(tmp_path: Path) -> None:
+def test_same_frames_make_the_same_file_with_keyframes_title_and_frames_closer_than_a_tick(tmp_path: Path) -> None:
     films = set()
     for number in range(6):  # in other places of the memory each time
         films.add(write(tmp_path / "film.mp4", noise(30)).read_bytes())
@@ -300,9 +298,6 @@ def test_same_frames_same_file_with_description_and_title(tmp_path: Path) -> Non
         with av.open(write(tmp_path / "film.mp4", noise(1), description, "thésis")) as container:
             assert json.loads(container.metadata["comment"]) == description
             assert container.metadata["title"] == "thésis"
-
-
-def test_keyframes_come_regularly_and_frames_closer_than_a_tick_follow_one_another(tmp_path: Path) -> None:
     for rate in (0.3, 15.0):
         count, dark = round(2.5 * KEYFRAME_INTERVAL_S * rate), np.zeros_like(draw(0))
         frames = [Frame(number / rate, draw(0) if number % 40 < 8 else dark) for number in range(count)]
@@ -324,15 +319,10 @@ def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("frames", [0, 80])
 def test_nothing_is_left_after_an_error(tmp_path: Path, frames: int, capfd: pytest.CaptureFixture[str]) -> None:
     before = write(tmp_path / "film.mp4", noise(2)).read_bytes()
-
-    def fail() -> None:
-        with film_file(tmp_path / "film.mp4", *SIDE, {}) as film:
-            for frame in noise(frames):
-                film.write(frame)
-            raise LookupError
-
-    with pytest.raises(LookupError):
-        fail()
+    with pytest.raises(LookupError), film_file(tmp_path / "film.mp4", *SIDE, {}) as film:  # noqa: PT012 after frames
+        for frame in noise(frames):
+            film.write(frame)
+        raise LookupError
     assert [file.name for file in tmp_path.iterdir()] == ["film.mp4"]
     assert (tmp_path / "film.mp4").read_bytes() == before  # an older film stays
     assert capfd.readouterr() == ("", "")

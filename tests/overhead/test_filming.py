@@ -302,7 +302,7 @@ def test_brightness_is_that_of_the_formula_at_each_pixel() -> None:
         assert off < 0.6 + 0.5 * 2 * bool(section.bloom), given_settings
 
 
-def test_vignetting_darkens_the_corners_and_blur_spreads_a_ring_and_keeps_its_light() -> None:
+def test_vignetting_darkens_the_corners_blur_keeps_the_light_and_the_dark_is_noise_of_the_seed() -> None:
     kept = dimming(640, 480, 0.3)
     assert kept[[0, 0, -1, -1], [0, -1, 0, -1]] == pytest.approx(0.7, abs=1e-6)
     assert kept[239:241, 319:321] == pytest.approx(1, abs=1e-5)
@@ -310,9 +310,6 @@ def test_vignetting_darkens_the_corners_and_blur_spreads_a_ring_and_keeps_its_li
     sharp, soft = (shot((30, 30, 0), exposure_ms=4.0, blur_px=blur)[1] for blur in (0, 3))
     assert soft.max() < 0.8 * sharp.max()
     assert soft[..., 0].sum(dtype=float) == pytest.approx(sharp[..., 0].sum(dtype=float), rel=0.03)
-
-
-def test_dark_without_a_ring_is_noise_alone_with_the_spread_that_is_asked_for_and_of_the_seed() -> None:
     _, picture = shot((20, 20, 0), lit=False, noise_levels=4)
     above = picture[picture > 0]
     assert len(above) / picture.size == pytest.approx(0.5 - 0.05, abs=0.01)  # what rounds to 0 is 1 in 10
@@ -383,7 +380,7 @@ def test_a_floor_is_as_grey_as_it_is_bright_and_ambient_light_shows_the_room_as_
     assert np.abs(dim - lit * 0.25).max() <= 1
 
 
-def test_lamps_are_bright_dots_where_the_camera_sees_them_in_the_light() -> None:
+def test_lamps_are_bright_dots_in_the_light_and_points_shine_at_the_leds_and_not_between() -> None:
     """The camera hangs 110 cm above (30, 30), so that a lamp at half of that seems twice as far from there."""
     lamps = np.array([(40, 30, 55, 1), (30, 35, 0.1, 2), (20, 20, 110, 1)], float)
     arena = replace(make_arena(60, 60, [], []), lamps=lamps)
@@ -395,9 +392,6 @@ def test_lamps_are_bright_dots_where_the_camera_sees_them_in_the_light() -> None
     assert (grey[pixel_at(camera, 50, 30)] == 255).all()
     assert (grey[pixel_at(camera, 30, 35)] == 255).all()
     assert not shot(arena=arena)[1].any()
-
-
-def test_points_shine_at_the_leds_and_not_between() -> None:
     camera, picture = shot((30, 30, 0.2), led_points=True)
     angles = 0.2 + np.arange(16) * math.tau / 16
     places = 30 + epuck.RING_RADIUS_CM * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -406,7 +400,7 @@ def test_points_shine_at_the_leds_and_not_between() -> None:
     assert max(levels[1::2]) < 60
 
 
-def test_bodies_are_dark_lit_rings_red_and_pictures_alike_without_the_cameras_faults() -> None:
+def test_bodies_are_dark_lit_rings_red_without_the_cameras_faults_and_kilobots_as_wide_as_they_are() -> None:
     poses = np.array([[15.0, 45.0, 0.0], [45.0, 15.0, 1.0]])
     view = ArenaView("thesis", 200, 200)
     empty = view.draw(np.empty((0, 3)), np.empty(0, bool)).astype(int)
@@ -428,8 +422,6 @@ def test_bodies_are_dark_lit_rings_red_and_pictures_alike_without_the_cameras_fa
         with pytest.raises(ScenarioError, match=said):
             ArenaView(refused, width_px=101)
 
-
-def test_a_kilobot_is_drawn_as_wide_as_it_is_and_its_led_where_it_is() -> None:
     def drawn(robot: str) -> tuple[int, int]:
         """Return the number of pixels that show a robot, and of those that are red if it is lit."""
         scenario = load_scenario({"robot": robot, "robots": [{"signal": {"kind": "radio"}}]})

@@ -1,10 +1,8 @@
 """A camera that is plugged in is tracked while it films; but for the missing one, cameras are imitations."""
 
 import itertools
-import os
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import urllib.error
@@ -27,6 +25,7 @@ from epuck_sim.overhead.track import Track
 from tests.overhead import films
 from tests.overhead.cameras import floor_corners
 from tests.overhead.films import LIT, SMALL, TIMES, even, frames_and_description, passed, read_rings, reel, shoot
+from tests.processes import start
 
 SIZE = 64, 48  # columns and rows of the pictures that come first
 
@@ -223,7 +222,7 @@ def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(tmp_path: Path
     assert track.warnings == ("camera 7 dropped out from 0.1 to 0.2 s", *ends)
 
 
-def test_ctrl_c_before_the_calibration_leaves_the_film(tmp_path: Path) -> None:
+def test_ctrl_c_before_the_calibration_or_a_kill_leaves_the_film(tmp_path: Path) -> None:
     camera = Reel(shoot(even(1), np.zeros((30, 6), bool)))
     outputs = {"rings": tmp_path / "rings.csv", "annotate": tmp_path / "s.mp4", "record": tmp_path / "raw.mp4"}
     with pytest.raises(KeyboardInterrupt):
@@ -231,13 +230,16 @@ def test_ctrl_c_before_the_calibration_leaves_the_film(tmp_path: Path) -> None:
     assert not camera.is_open
     assert [path.name for path in tmp_path.iterdir()] == ["raw.mp4"]
     assert len(frames_and_description(tmp_path / "raw.mp4")[0]) == 30
+    ended = start([sys.executable, "-c", KILLED], cwd=tmp_path, env={"PYTHONPATH": str(Path(__file__).parents[2])})
+    assert ended.wait(300) == -signal.SIGKILL
+    assert len(read_rings(tmp_path / "rings.csv")) == LIT[:70].sum()
+    for name in ("seen.mp4", "raw.mp4"):
+        assert 30 <= len(frames_and_description(tmp_path / name)[0]) <= 70  # all but about the last second
 
 
 KILLED = """
-import os, signal, sys
+import os, signal
 from pathlib import Path
-
-sys.path.insert(0, sys.argv[1])
 from tests.overhead.test_live import CORNERS_PX, Reel, TrackOptions, reel, watch
 
 
@@ -249,16 +251,6 @@ def frames():
 outputs = {"rings": Path("rings.csv"), "annotate": Path("seen.mp4"), "record": Path("raw.mp4")}
 watch(Reel(frames()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), **outputs)
 """
-
-
-def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
-    root = Path(__file__).parents[2]
-    command = [sys.executable, "-c", KILLED, str(root)]
-    ended = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, check=False)
-    assert ended.returncode == -signal.SIGKILL
-    assert len(read_rings(tmp_path / "rings.csv")) == LIT[:70].sum()
-    for name in ("seen.mp4", "raw.mp4"):
-        assert 30 <= len(frames_and_description(tmp_path / name)[0]) <= 70  # all but about the last second
 
 
 def test_a_camera_is_shown_on_a_page() -> None:

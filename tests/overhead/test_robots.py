@@ -119,7 +119,7 @@ def table(*rows: tuple[float, float, float, float, float]) -> FlashTable:
     return FlashTable.of([Flash(at, at + 0.4, x, y, at, *velocity) for at, x, y, *velocity in rows])
 
 
-def test_a_way_is_straight_or_tells_how_long_its_turn_took_and_none_is_faster_than_robots_drive() -> None:
+def test_a_way_is_straight_or_has_a_turn_no_faster_than_robots_drive_and_cycles_and_speeds_are_learnt() -> None:
     flashes = table((0, 10, 10, 2, 0), (5, 20, 10, 2, 0), (5, 20, 13, 2, 0), (5, 17, 10, 2, 0))
     habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
     ways = ways_between(flashes, np.zeros(3, int), np.arange(1, 4), habits)
@@ -142,9 +142,6 @@ def test_a_way_is_straight_or_tells_how_long_its_turn_took_and_none_is_faster_th
     habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
     near, far = habits.log_likelihood(ways_between(flashes, np.zeros(2, int), np.array([1, 2]), habits))
     assert far < near - 50
-
-
-def test_cycles_are_learnt_and_the_commonest_speed_is_that_of_robots_that_do_not_turn() -> None:
     flashes = table(*((5 * k * 0.8, 10 + 0.1 * k, 30, 0.02, 0) for k in range(12)))
     habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
     ways = ways_between(flashes, np.arange(11), np.arange(1, 12), habits)
@@ -214,7 +211,7 @@ def test_flashes_are_those_of_the_tags_above_them() -> None:
     assert robots.summary()["by"] == "tags"
 
 
-def test_where_a_tag_is_unread_for_long_or_seen_twice_it_is_not_known_where_the_robot_is_and_said() -> None:
+def test_where_tags_are_unread_or_seen_twice_and_which_are_unknown_seldom_or_missing_is_said() -> None:
     gap = {(round(0.1 * k, 1), 4) for k in range(20, 40)}
     robots = find_robots(track((3.0, 5.0))._replace(tags=read(without=gap)))
     assert robots.poses is not None
@@ -231,9 +228,6 @@ def test_where_a_tag_is_unread_for_long_or_seen_twice_it_is_not_known_where_the_
     assert robots.poses is not None
     assert np.isnan(robots.poses[:19, 0]).all()
     assert robots.poses[30, 0, 0] == pytest.approx(8)
-
-
-def test_unknown_seldom_and_missing_tags_are_said() -> None:
     seldom = Readings(np.array([1.0]), np.array([33]), np.zeros((1, 3)))
     both = Readings(*(np.concatenate(columns) for columns in zip(read(), seldom, strict=True)))
     (warning,) = find_robots(track()._replace(tags=both)).warnings
@@ -296,7 +290,7 @@ def test_a_trace_tells_what_is_seen_until_the_last_frame_and_leaves_out_what_is_
     assert table["y_cm"][is_last & table["ring_on"]] == pytest.approx(45)
 
 
-def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
+def test_flashes_tell_whose_they_are_and_the_order_of_phases_but_for_those_that_the_first_frame_shows() -> None:
     track = track_of([0.5, 0.5, 0.52])
     robots = find_robots(track)
     table = robots.flash_columns()
@@ -315,9 +309,6 @@ def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
         track = apart._replace(options=apart.options._replace(order_parameter=asked))
         assert (find_robots(track).summary()["by_phases_s"] is not None) == is_met
     assert robots.pair_columns()["share"].tolist() == [1, 1, 1]
-
-
-def test_flashes_that_the_first_frame_shows_tell_no_phases() -> None:
     track = track_of([0.0, 0.0, 0.0])
     robots = find_robots(track)
     phases_ms = robots.trace_columns()["phase_ms"].reshape(-1, 3)
@@ -339,23 +330,20 @@ def test_what_is_doubtful_is_said() -> None:
     assert " % of the links from flash to flash have an alternative that is nearly as good" in warning
 
 
-def test_tables_are_written_as_csv_and_as_parquet_alike(tmp_path: Path) -> None:
+def test_tables_are_written_as_csv_and_as_parquet_alike_without_rows_for_a_film_without_flashes(tmp_path: Path) -> None:
     track = track_of([0.1, 0.4, 0.7])
     robots = find_robots(track)
     robots.save(tmp_path / "f.csv", tmp_path / "t.parquet", tmp_path / "p.csv")
     robots.save(tmp_path / "f.parquet", tmp_path / "t.csv", None)
     for name, expected in (("f", robots.flash_columns()), ("t", robots.trace_columns())):
-        table, texts = pq.read_table(tmp_path / f"{name}.parquet"), rows(tmp_path / f"{name}.csv")
-        assert table.column_names == list(texts[0]) == list(expected)
+        written, texts = pq.read_table(tmp_path / f"{name}.parquet"), rows(tmp_path / f"{name}.csv")
+        assert written.column_names == list(texts[0]) == list(expected)
         for column, values in expected.items():
-            kept = np.array([np.nan if value is None else value for value in table[column].to_pylist()], float)
+            kept = np.array([np.nan if value is None else value for value in written[column].to_pylist()], float)
             assert kept == pytest.approx(values.astype(float), nan_ok=True)
             words = [{"": "nan", "True": "1", "False": "0"}.get(row[column], row[column]) for row in texts]
             assert np.array(words, float) == pytest.approx(values.astype(float), nan_ok=True, rel=1e-5, abs=1e-6)
-    assert table.schema.metadata[b"film"] == b"film.mp4"
-
-
-def test_a_film_without_flashes_has_no_robots_and_gives_tables_without_rows(tmp_path: Path) -> None:
+    assert written.schema.metadata[b"film"] == b"film.mp4"
     assert link_flashes(FlashTable.of(()), PERIOD_S, FLOOR_CM)[::3] == (pytest.approx(np.empty(0)), 0)
     assert link_flashes(table((1, 30, 30, 0, 0)), PERIOD_S, FLOOR_CM).robot.tolist() == [0]
     track = TRACK._replace(flashes=())
@@ -373,7 +361,7 @@ def robots_of(onsets_s: FloatArray, whose: IntArray, count: int, start_s: float 
     return Robots(TRACK._replace(times_s=start_s + TIMES), "tags", flashes, who, np.arange(count), None, ())
 
 
-def test_phases_rise_from_flash_to_flash_and_the_order_parameter_is_theirs() -> None:
+def test_phases_rise_from_flash_to_flash_with_an_order_parameter_and_pairs_flash_at_once() -> None:
     onsets, robot = np.array([0.0, 0.5, 1.0, 1.4, 2.0, 2.4, 4.0]), np.array([0, 1, 0, 1, 0, 1, 0])
     times, nan = np.array([0.0, 0.25, 0.5, 0.95, 2.2, 2.5, 3.0, 4.5, 5.5]), np.nan
     shares = robots_of(onsets, robot, 3, start_s=-1.0).phases(times)
@@ -386,9 +374,6 @@ def test_phases_rise_from_flash_to_flash_and_the_order_parameter_is_theirs() -> 
     assert order[0] == pytest.approx(float(order_parameter(shares[0], 1.0)))
     assert order[1] == pytest.approx(1)  # three of four are enough
     assert np.isnan(order[2])
-
-
-def test_pairs_are_those_whose_flashes_overlap() -> None:
     onsets = np.array([0.0, 0.05, 0.5, 1.0, 1.2, 1.5, 2.0, 2.05])
     table = robots_of(onsets, np.array([0, 1, 2, 0, 1, 2, 0, 1]), 4).pair_columns()
     pairs = list(zip(table["robot"].tolist(), table["other"].tolist(), strict=True))

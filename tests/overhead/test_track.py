@@ -32,7 +32,7 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> Track:
     return track_film(name, TrackOptions(), Path(name).with_suffix(".csv"), passed)
 
 
-def test_described_film_gives_its_trial(tracked: Track) -> None:
+def test_described_film_gives_its_trial_and_a_snapshot_all_its_rings_but_those_that_stay_lit(tracked: Track) -> None:
     assert (tracked.frames, tracked.calibration) == (len(TIMES), DESCRIPTION)
     assert tracked.counts.tolist() == LIT.sum(axis=1).tolist()
     assert tracked.times_s == pytest.approx(TIMES, abs=1e-4)
@@ -40,6 +40,17 @@ def test_described_film_gives_its_trial(tracked: Track) -> None:
     assert tracked.robots_seen == 6
     assert tracked.histogram_s == pytest.approx(2.55, abs=1e-3)
     assert tracked.flash_ms == pytest.approx(100, abs=5)
+    shown = look_again(tracked, None, passed)
+    assert shown.frame.time_s == pytest.approx(2.5, abs=1e-3)
+    ring_px = films.make_camera().project(np.column_stack([PLACES, np.full(6, 4.0)]))
+    away = np.linalg.norm(np.array([ring[3:5] for ring in shown.rings])[:, None] - ring_px, axis=2)
+    assert away.shape == (6, 6)
+    assert (away.min(axis=0) <= 1).all()
+    never = look_again(tracked._replace(t_sync_s=None), None, passed)
+    assert never.frame.time_s == pytest.approx(tracked.times_s[tracked.counts.argmax()], abs=1e-4)
+    lamp = Flash(0.0, math.inf, *shown.rings[0][:2], 80.0)
+    for steady, seen in ((lamp, 5), (lamp._replace(end_s=0.1), 6)):
+        assert len(look_again(tracked._replace(steady=(steady,)), None, passed).rings) == seen
 
 
 def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
@@ -74,13 +85,10 @@ def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path)
     assert any("frames were dropped" in warning for warning in track.warnings)
 
 
-def test_a_film_that_was_cut_off_does_not_say_never(tmp_path: Path) -> None:
+def test_a_film_that_was_cut_off_does_not_say_never_and_pictures_of_unknown_rate_are_doubted(tmp_path: Path) -> None:
     path = films.cut_off(Path(save(tmp_path / "cut.mp4", reel())), 0.5)
     track = track_film(str(path), TrackOptions(period_s=1.0), None, passed)
     assert (track.t_sync_s, track.confidence, track.reasons[0][:19]) == (None, "none", "the film ends early")
-
-
-def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_path: Path) -> None:
     for number, frame in enumerate(reel()[:40]):
         cv2.imwrite(str(tmp_path / f"{7 + number}.png"), frame.picture[..., ::-1])
     options = TrackOptions(period_s=1.0, robots=6, corners_px=floor_corners(films.make_camera()))
@@ -88,20 +96,6 @@ def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_p
     assumed, given = (track_film(str(tmp_path / "%d.png"), each, None, passed) for each in both)
     assert "numbered pictures have no times: 25 frames per second are assumed; give --fps" in assumed.warnings
     assert (given.frames, given.fps, given.warnings) == (40, pytest.approx(30), ())
-
-
-def test_snapshot_shows_all_rings_of_the_moment_but_those_that_stay_lit(tracked: Track) -> None:
-    shown = look_again(tracked, None, passed)
-    assert shown.frame.time_s == pytest.approx(2.5, abs=1e-3)
-    ring_px = films.make_camera().project(np.column_stack([PLACES, np.full(6, 4.0)]))
-    away = np.linalg.norm(np.array([ring[3:5] for ring in shown.rings])[:, None] - ring_px, axis=2)
-    assert away.shape == (6, 6)
-    assert (away.min(axis=0) <= 1).all()
-    never = look_again(tracked._replace(t_sync_s=None), None, passed)
-    assert never.frame.time_s == pytest.approx(tracked.times_s[tracked.counts.argmax()], abs=1e-4)
-    lamp = Flash(0.0, math.inf, *shown.rings[0][:2], 80.0)
-    for steady, seen in ((lamp, 5), (lamp._replace(end_s=0.1), 6)):
-        assert len(look_again(tracked._replace(steady=(steady,)), None, passed).rings) == seen
 
 
 def test_annotation_says_what_the_track_says(tracked: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,7 +126,6 @@ def test_table_keeps_the_times_of_a_long_film(tmp_path: Path) -> None:
     assert list(rows[0]) == ["time_s", *Ring._fields]
 
 
-OF_POINTS = {"is_fisheye": True, "above_cm": 38.0, "focal_px": 320.0}
 SLOW_KINDS = [pytest.param(kind, marks=pytest.mark.slow) for kind in ("orange", "flicker in bands")]
 SHINING = [("lamp", 0.06), ("screen", 0.08)]  # which is told from rings, and doubted
 SLOW_EFFECTS = [
@@ -140,7 +133,7 @@ SLOW_EFFECTS = [
     for kind, (_, strengths) in webcam.EFFECTS.items()
     if kind not in {"burnt out", "rolling shutter"}  # flashes of 1.4 frames are cut in the middle
 ]
-CAMERAS = webcam.KINDS | {"fisheye of points": webcam.KINDS["points"]._replace(**OF_POINTS)}
+OF_POINTS = webcam.KINDS["points"]._replace(is_fisheye=True, above_cm=38.0, focal_px=320.0)
 
 
 def track_of(folder: Path, camera: webcam.Webcam, filmed: webcam.Swarm, *extras) -> tuple[Track, films.Score]:
@@ -155,7 +148,8 @@ def track_of(folder: Path, camera: webcam.Webcam, filmed: webcam.Swarm, *extras)
 
 @pytest.mark.parametrize("kind", ["burnt out, white", "fisheye of points", "typical webcam", *SLOW_KINDS])
 def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
-    track, score = track_of(tmp_path, CAMERAS[kind].scaled(0.4), webcam.swarm(5, 4, 2, seed=1, period_s=1.6))
+    camera = (webcam.KINDS | {"fisheye of points": OF_POINTS})[kind]
+    track, score = track_of(tmp_path, camera.scaled(0.4), webcam.swarm(5, 4, 2, seed=1, period_s=1.6))
     assert score.found + score.missed > 20
     assert (score.recall >= 0.95, score.precision >= 0.99, score.rms_cm <= 0.4) == (True, True, True), score
     assert track.reasons == ()

@@ -84,7 +84,7 @@ def swarm(from_s: float = 3.0) -> tuple[FloatArray, IntArray]:
     return times_s, counted(cycles + np.where(cycles + 1 < from_s, 0.5 + np.arange(6) / 6, 0.5), 0.1, times_s)
 
 
-def test_track_of_a_swarm() -> None:
+def test_track_of_a_swarm_in_which_flashes_until_synchrony_count_for_each_robot() -> None:
     track = analysed(*swarm())
     assert (track.film, track.calibration, track.frames, track.robots_seen) == ("film", "somewhere", 240, 6)
     assert track.fps == pytest.approx(RATE)
@@ -100,9 +100,6 @@ def test_track_of_a_swarm() -> None:
     assert (first, "2 s fits as well" in doubt) == ("first", True)  # no ring of these pictures has its own place
     assert analysed(*swarm(), TrackOptions(robots=6)).warnings == ("first",)
     assert json.loads(json.dumps(track.summary(), allow_nan=False))["robots_seen"] == 6
-
-
-def test_flashes_until_synchrony_count_for_each_robot() -> None:
     times_s = np.arange(600) / RATE
     onsets = np.array([*(0.5 + 0.8 * np.arange(8)), *(7.1 + np.arange(13))])  # cycles are shortened at first
     both = np.where(np.arange(21) < 8, onsets + 0.3, onsets)
@@ -145,7 +142,7 @@ def only_robots(flashes: Iterable[Flash], period_s: float | None = 1.0, by: str 
     return without_steady(CountedRings(240, times_s, counts, 0 * counts, ordered, geometry), period_s)
 
 
-def test_a_lamp_that_flickers_is_no_robot() -> None:
+def test_a_lamp_that_flickers_is_no_robot_nor_a_dim_ring_where_none_fits_if_brightness_is_not_known() -> None:
     robots = [Flash(k + 0.5, k + 0.6, 10.0 + 8 * n + 0.7 * k, 20.0, 50.0) for k in range(8) for n in range(4)]
     lamp = [Flash(0.3 * k, 0.3 * k + 0.1, 50.0, 50.0, 90.0) for k in range(26)]
     others, left_out, without = only_robots(robots + lamp)
@@ -156,9 +153,6 @@ def test_a_lamp_that_flickers_is_no_robot() -> None:
         assert only_robots(kept)[1] == []
     long, short = (Flash(4.0, 4.0 + lit_s, 55.0, 5.0, 50.0) for lit_s in (3.0, 1.0))
     assert only_robots((*robots, long, short), None)[1] == [long]
-
-
-def test_a_dim_ring_where_no_robot_fits_is_none_if_the_film_does_not_tell_how_bright_rings_are() -> None:
     robots = [flash(0.5, x_cm)._replace(light=light) for x_cm, light in ((20, 100.0), (30, 90.0), (57.5, 80.0))]
     at_wall, free = (flash(0.5, x_cm)._replace(light=9.0) for x_cm in (2.0, 4.0))
     for by, kept in ((DESCRIPTION, [free, *robots]), (CORNERS, [at_wall, free, *robots])):
@@ -408,24 +402,13 @@ def test_corners_that_are_given_are_not_asked_for(given: Evidence) -> None:
     assert "--corners" not in found
 
 
-def test_mirror_images_are_counted_and_places_near_each_other_are_one() -> None:
+def test_mirror_images_and_places_are_counted_and_rings_linked_across_a_frame_that_misses_one() -> None:
     random = np.random.default_rng(0)
     robots = [Flash(t, t + 0.3, *random.uniform(5, 55, 2), 80.0) for t in np.sort(random.uniform(0, 60, 30))]
     images = [robot._replace(x_cm=-robot.x_cm, light=40.0) for robot in robots[::2]]
     assert verdict.count_images(FlashTable.of(robots)) == 0
     assert verdict.count_images(FlashTable.of(sorted(robots + images))) == len(images)
     assert flashes.count_places([(1.0, 1.0), (2.0, 1.0), (9.0, 9.0)]) == 2
-
-
-def linked(*places_cm: list[float], per_s: float = 1.0) -> tuple[Flash, ...]:
-    """Return the flashes of rings that are seen at places in frames."""
-    linker = FlashLinker()
-    for number, here in enumerate(places_cm):
-        linker.add(number / per_s, [Ring(x_cm, 20.0, 3.5, 0.0, 0.0, 0.0, 9.0) for x_cm in here])
-    return linker.flashes
-
-
-def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one_and_until_the_film_ends() -> None:
     one, other = linked([10.0], [10.5, 30.0], [30.4], [11.0, 30.8], [], [], [], [])
     assert (one.onset_s, one.end_s, other.onset_s, other.end_s) == (0, 4, 1, 4)
     assert (one.x_cm, other.x_cm) == (pytest.approx(10.5), pytest.approx(30.4))
@@ -438,3 +421,11 @@ def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one_and_until_th
     one, rest, other = (Flash(*each, 20.0, 9.0) for each in ((0, 1, 10), (1.5, 2, 11), (1.6, 2, 30)))
     late = rest._replace(onset_s=3.5, end_s=4.0)
     assert flashes.join_broken([one, rest, other, late], 1.0) == (one._replace(end_s=2), other, late)
+
+
+def linked(*places_cm: list[float], per_s: float = 1.0) -> tuple[Flash, ...]:
+    """Return the flashes of rings that are seen at places in frames."""
+    linker = FlashLinker()
+    for number, here in enumerate(places_cm):
+        linker.add(number / per_s, [Ring(x_cm, 20.0, 3.5, 0.0, 0.0, 0.0, 9.0) for x_cm in here])
+    return linker.flashes
