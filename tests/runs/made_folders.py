@@ -98,32 +98,17 @@ def in_memory(scenario: Scenario, law: Law) -> list[PointTrials]:
 
 
 def of_point(point: Point, trials: Trials) -> PointTrials:
-    return PointTrials(
-        number=point.number,
-        key=point.key,
-        axes=point.axes,
-        scenario=point.scenario,
-        times=trials.times,
-        observed=trials.observed,
-        seeds=tuple(point.seed(trial) for trial in range(len(trials.times))),
-        has_t_sync=point.scenario.stop.order_parameter is not None,
-    )
+    seeds = tuple(point.seed(trial) for trial in range(len(trials.times)))
+    has_t_sync = point.scenario.stop.order_parameter is not None
+    return PointTrials(*point[:4], *trials, seeds, has_t_sync=has_t_sync)
 
 
 def outcome(point: Point, trial: int, error: str | None = None, **changes) -> Outcome:
     """Return how a trial might have ended: failed, or with a result in which some fields are as `changes` says."""
     number, task = 1000 * point.number + trial, Task(point.number, trial, point.key, point.scenario, False)
-    result = TrialResult(
-        scenario=point.scenario.name,
-        seed=task.seed,
-        t_sync_cycles=number,
-        censored=False,
-        cycles=number,
-        order_parameter=0.96 + number / 1e6,
-        steps=50 * number,
-        simulated_s=5.0 * number,
-        wall_s=0.001 * number,
-    )._replace(**changes)
+    ends = {"t_sync_cycles": number, "censored": False, "cycles": number, "order_parameter": 0.96 + number / 1e6}
+    lasts = {"steps": 50 * number, "simulated_s": 5.0 * number, "wall_s": 0.001 * number}
+    result = TrialResult(scenario=point.scenario.name, seed=task.seed, **ends, **lasts)._replace(**changes)
     return make_outcome(task, None if error else result, error)
 
 
@@ -145,13 +130,11 @@ def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
 
 def store_measured(folder: Path, scenario: Scenario, law: Callable[[Point], Sequence[Any]]) -> Path:
     """Make a run folder of a scenario with one measure, of which the law gives the value in each trial of a point."""
-    found = points(scenario)
     (section,) = scenario.measures
     without = {"t_sync_cycles": None, "censored": None, "order_parameter": None, "cycles": 9}
-    with Store(folder, scenario, found) as opened:
-        for point in found:
-            values = enumerate(law(point))
-            opened.add([outcome(point, trial, measures={section.name: value}, **without) for trial, value in values])
+    values = [(point.number, *each) for point in points(scenario) for each in enumerate(law(point))]
+    trials = ((number, trial, {"measures": {section.name: value}, **without}) for number, trial, value in values)
+    put(folder, *trials, scenario=scenario)
     return folder
 
 
@@ -188,11 +171,8 @@ DEMO = scenario_of({"grid": {COUNT: [2, 3], SPEED: [1, 0.5]}})
 
 def fill(folder: Path, scenario: Scenario = DEMO, **changes) -> tuple[Point, ...]:
     """Have every trial of a sweep stored in the folder; return its points."""
-    found = points(scenario)
-    with Store(folder, scenario, found) as store:
-        for point in found:
-            store.add([outcome(point, trial, **changes) for trial in range(scenario.trials)])
-    return found
+    every = [(point.number, trial, changes) for point in points(scenario) for trial in range(scenario.trials)]
+    return put(folder, *every, scenario=scenario)
 
 
 def put(folder: Path, *trials: tuple[Any, ...], scenario: Scenario = DEMO) -> tuple[Point, ...]:

@@ -28,11 +28,6 @@ from tests.sweep.short_sweeps import Stopped, agents_sweep, stopper, table
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
-OTHERS = """
-def course(simulation): return []
-def settled(simulation): return bool(simulation.positions()[0, 0] > 50)
-"""
-
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
@@ -41,7 +36,9 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory) -> Path:
-    return write(tmp_path_factory.mktemp("measures") / "mine.py", COUNTER + OTHERS)
+    course = "\ndef course(simulation): return []\n"
+    settled = "def settled(simulation): return bool(simulation.positions()[0, 0] > 50)\n"
+    return write(tmp_path_factory.mktemp("measures") / "mine.py", COUNTER + course + settled)
 
 
 @pytest.fixture
@@ -100,7 +97,7 @@ def test_a_column_has_the_kind_of_its_values(values, kind, folder, counter, tmp_
     assert (column.type, column.to_pylist()) == (kind, values)
 
 
-def test_a_folder_is_refused_to_other_measures(folder, mine, tmp_path):
+def test_a_folder_is_refused_to_other_measures_but_not_if_one_has_got_a_parameter_since(folder, mine, tmp_path):
     own = write(tmp_path / "mine.py", mine.read_text())
     counting, otherwise = (scenario({f"{own}:Counter": {"offset": offset}}) for offset in (1, 2))
     fill(folder, counting, [{"Counter": 1.0}])
@@ -116,15 +113,13 @@ def test_a_folder_is_refused_to_other_measures(folder, mine, tmp_path):
     edited = refusal(folder, scenario({f"{own}:Counter": {"offset": 1}}))
     assert "another measure Counter; give another folder: measure: 'mine.py:Counter with digest " in edited
     assert [point.measured for point in read_points(folder, "Counter")] == [(1.0,)]
-
-
-def test_a_shipped_measure_that_has_got_a_parameter_since_goes_on_with_its_default_alone(folder):
+    shipped = tmp_path / "shipped"
     plain, later = scenario("stays_above"), scenario({"stays_above": {"from_cycle": 30}})
-    fill(folder, plain, [{"stays_above": True}])
-    edit(folder, """UPDATE points SET measures = json_remove(measures, '$."stays_above".from_cycle')""")
-    fill(folder, plain, [])
+    fill(shipped, plain, [{"stays_above": True}])
+    edit(shipped, """UPDATE points SET measures = json_remove(measures, '$."stays_above".from_cycle')""")
+    fill(shipped, plain, [])
     said = "another measure stays_above; give another folder: from_cycle: 1 in the folder, 30 now"
-    assert said in refusal(folder, later)
+    assert said in refusal(shipped, later)
 
 
 def run(folder, *measures):

@@ -230,13 +230,18 @@ def made(tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def test_a_folder_has_users_files_and_names_them_relative_to_itself(made: Path) -> None:
+def test_a_folder_has_users_files_by_relative_names_is_trusted_and_a_merged_one_is_complete(made, tmp_path) -> None:
     names = {f"sources/{name}/{file}.py" for name in ("here", "there") for file in ("mine", "helper")}
     assert {path.relative_to(made).as_posix() for path in made.rglob("*.py")} == {*names, "sources/coverage.py"}
     scenario = yaml.safe_load((made / "scenario.yaml").read_text())
     assert scenario["sweep"]["grid"]["robots.0.controller"] == ["sources/here/mine.py", "sources/there/mine.py"]
     assert [*scenario["measures"][0]] == ["sources/coverage.py:coverage"]
     assert str(made.parent) not in (made / "scenario.yaml").read_text()
+    assert is_trusted(made)
+    merge_folders([made], tmp_path / "whole")
+    shutil.rmtree(made)
+    assert all(each.is_whole for each in verify(tmp_path / "whole"))
+    assert len(points(load_scenario(tmp_path / "whole"))) == 4
 
 
 def test_a_folder_that_was_sent_to_somebody_goes_on_there(made: Path, tmp_path: Path) -> None:
@@ -272,14 +277,6 @@ def test_files_of_the_same_name_that_come_later_lie_beside_the_first(made: Path,
     again = load_scenario(made, measures=[str(tmp_path / "own" / "coverage.py")])  # a command that was killed
     names = [each.measure.rpartition("/")[2] for each in again.measures]
     assert names == ["coverage.py:coverage", "coverage.py:other"]
-
-
-def test_what_a_run_has_put_into_its_folder_is_trusted_and_a_merged_one_is_complete(made: Path, tmp_path: Path) -> None:
-    assert is_trusted(made)
-    merge_folders([made], tmp_path / "whole")
-    shutil.rmtree(made)
-    assert all(each.is_whole for each in verify(tmp_path / "whole"))
-    assert len(points(load_scenario(tmp_path / "whole"))) == 4
 
 
 def flip(path: Path) -> None:
@@ -321,6 +318,7 @@ def foreign(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     shutil.rmtree(tmp_path / "own")
     edit(made, "UPDATE points SET scenario = replace(scenario, ?, ?)", str(tmp_path / "own"), str(made / "sources"))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
     return made
 
 
@@ -328,29 +326,26 @@ SHOWING = ["plot --form curves --x robots.0.count", "export --to x.csv", "summar
 
 
 @pytest.mark.parametrize("command", ["check", "status", "report", "verify", "summarize", "list", *SHOWING])
-def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path, monkeypatch, command: str) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path, command: str) -> None:
     name, *options = command.split()
     found = call(name, *([foreign] * (name != "list")), *options)
     assert not (tmp_path / "was-run").exists(), found.stdout
     assert name == "verify" or found.exit_code == 0, found.stderr
 
 
-CLAIM = '{id: A, section: "9", claim: so, sweep: s, checks: [{test: share, above: 0.5}]}'
 TAKING = ["page RUN --to x.html", "play RUN", "predict RUN", "compare-film film.mp4 RUN"]
 
 
 @pytest.mark.parametrize("command", [*TAKING, "replicate --claims claims.yaml --out out"])
-def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(foreign, tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
-    Path("claims.yaml").write_text(f"sweeps: {{s: {{scenario: {foreign}}}}}\nclaims: [{CLAIM}]")
+def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(foreign, command) -> None:
+    claim = '{id: A, section: "9", claim: so, sweep: s, checks: [{test: share, above: 0.5}]}'
+    Path("claims.yaml").write_text(f"sweeps: {{s: {{scenario: {foreign}}}}}\nclaims: [{claim}]")
     assert "brings code that you have not run" in refused(*command.replace("RUN", str(foreign)).split())
     assert not Path("was-run").exists()
 
 
 @pytest.mark.parametrize("keys", ["start: {like: run/scenario.yaml}", "sweep: {grid: {start.like: [run, thesis]}}"])
-def test_agents_that_start_like_robots_of_a_folder_ask_for_trust(foreign, tmp_path, monkeypatch, keys: str) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_agents_that_start_like_robots_of_a_folder_ask_for_trust(foreign, keys: str) -> None:
     Path("agents.yaml").write_text(f"model: particles\n{keys}")
     for command in ("run agents.yaml --out out", "check agents.yaml"):
         assert "run: brings code that you have not run: sources/coverage.py" in refused(*command.split())
@@ -361,7 +356,6 @@ def test_agents_that_start_like_robots_of_a_folder_ask_for_trust(foreign, tmp_pa
 
 @pytest.mark.parametrize("command", ["run", "plan", "replay --point 0 --trial 0 --interpret"])
 def test_what_runs_a_folder_asks_for_trust_once(foreign: Path, tmp_path: Path, monkeypatch, command: str) -> None:
-    monkeypatch.chdir(tmp_path)
     name, *options = command.split()
     refusal = call(name, foreign, *options)
     assert refusal.exit_code == 2

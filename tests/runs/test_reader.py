@@ -63,39 +63,28 @@ def test_points_are_read_one_after_the_other_a_block_of_trials_at_a_time(tmp_pat
     assert summarize(each_point(tmp_path)) == summarize(every)
 
 
-def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -> None:
+def test_the_status_counts_results_and_tells_trials_apart_by_what_made_them_under_the_latest_scenario(tmp_path) -> None:
     ended = (0, 0, {"wall_s": 0.5}), (0, 1, {"wall_s": 0.25, "t_sync_cycles": None, "censored": True})
     failed = (3, 1, {"error": "RuntimeError: second"}), (1, 2, {"error": "RuntimeError: first"})
     found = put(tmp_path, *ended, *failed)
     places = ((1, 2, "RuntimeError: first"), (3, 1, "RuntimeError: second"))
-    assert read_status(tmp_path) == Status(
-        scenario="demo",
-        points=4,
-        trials=12,
-        stored=2,
-        censored=1,
-        failed=[Failure(point, trial, found[point].seed(trial), error) for point, trial, error in places],
-        wall_s=0.75,
-        versions=[TrialsByOrigin(**MADE_BY, trials=4)],
-        at_work=None,
-        axes=(COUNT, SPEED),
-    )
-
-
-def test_the_status_tells_trials_apart_by_what_made_them_and_is_of_the_scenario_that_was_run_last(tmp_path) -> None:
+    failures = [Failure(point, trial, found[point].seed(trial), error) for point, trial, error in places]
+    whole = {"scenario": "demo", "points": 4, "trials": 12, "axes": (COUNT, SPEED), "at_work": None}
+    done = {"stored": 2, "censored": 1, "failed": failures, "wall_s": 0.75}
+    assert read_status(tmp_path) == Status(**whole, **done, versions=[TrialsByOrigin(**MADE_BY, trials=4)])
     found = points(DEMO)
-    with Store(tmp_path, DEMO, found) as store:
+    with Store(tmp_path / "other", DEMO, found) as store:
         for trial in range(3):
             ended = outcome(found[0], trial)
             made = ended.provenance if trial < 2 else (*ended.provenance[:-1], "elsewhere")
             store.add([ended._replace(provenance=made)])
-    here, elsewhere = sorted(read_status(tmp_path).versions, key=lambda row: -row.trials)
+    here, elsewhere = sorted(read_status(tmp_path / "other").versions, key=lambda row: -row.trials)
     assert (here.made_by, here.trials) == (MADE_BY, 2)
     assert (elsewhere.made_by, elsewhere.trials) == ({**MADE_BY, "host": "elsewhere"}, 1)
     grown = load_scenario(DEMO, ["name=grown", "trials=7"])
-    with Store(tmp_path, grown, points(grown)):
+    with Store(tmp_path / "other", grown, points(grown)):
         pass
-    status = read_status(tmp_path)
+    status = read_status(tmp_path / "other")
     assert (status.scenario, status.trials, status.stored) == ("grown", 28, 3)
 
 
@@ -182,15 +171,12 @@ def half_censored(point):
     return ended([10 * point.axes[COUNT], 90], [True, False])
 
 
-def test_there_is_a_row_for_each_trial_in_the_order_of_the_sweep(tmp_path) -> None:
+def test_tables_have_a_row_for_each_trial_none_censored_without_t_sync_and_need_pandas(tmp_path, monkeypatch) -> None:
     frame = read_points(store(tmp_path / "run", FOUR, half_censored)).to_pandas()
     export(tmp_path / "run", tmp_path / "trials.parquet")
     assert frame.equals(pq.read_table(tmp_path / "trials.parquet").to_pandas())
     assert frame["t_sync_cycles"].mean() == 40  # pandas leaves out what is NaN
     assert math.isnan(frame["t_sync_cycles"][1])
-
-
-def test_trials_without_t_sync_are_neither_censored_nor_not_and_pandas_may_be_missing(monkeypatch) -> None:
     made = made_folders.in_memory(FOUR, half_censored)
     points = SweepTrials(point._replace(observed=point.observed & False, has_t_sync=False) for point in made)
     assert points._repr_html_().count("<td>-</td>") == 4
@@ -264,7 +250,7 @@ def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folde
     assert read == expected  # JSON's numbers, true and false are those of the CSV
 
 
-def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -> None:
+def test_columns_are_there_without_a_result_and_values_under_their_own_keys_however_points_list_them(folder) -> None:
     put(folder)
     table, texts = exported(folder)
     assert table.num_rows == 0
@@ -272,6 +258,10 @@ def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -
     assert {name: table.schema.field(name).type for name in RESULT} == RESULT
     assert texts == []
     assert folder.with_name("results.csv").read_text().startswith(f'"{COUNT}","{SPEED}","seed"')
+    width = made_folders.WIDTH
+    fill(folder.with_name("listed"), scenario_of({"points": [{COUNT: 2, width: 50}, {width: 60, COUNT: 3}]}, trials=1))
+    table, _ = exported(folder.with_name("listed"))
+    assert (table[COUNT].to_pylist(), table[width].to_pylist()) == ([2, 3], [50, 60])
 
 
 @pytest.mark.parametrize(
@@ -298,13 +288,6 @@ def test_axis_values_keep_their_kinds_and_are_the_same_in_text(folder, key: str,
     assert [row[key] for row in texts] == in_text
 
 
-def test_values_are_under_their_own_keys_however_the_points_list_them(folder) -> None:
-    width = made_folders.WIDTH
-    fill(folder, scenario_of({"points": [{COUNT: 2, width: 50}, {width: 60, COUNT: 3}]}, trials=1))
-    table, _ = exported(folder)
-    assert (table[COUNT].to_pylist(), table[width].to_pylist()) == ([2, 3], [50, 60])
-
-
 SCENARIO = {
     "trials": 4,
     "stop": {"max_cycles": 4, "order_parameter": None},
@@ -312,9 +295,6 @@ SCENARIO = {
     "faults": [{"kind": "ring_dead", "count": 1, "per_hour": 360, "mean_s": 3}],
     "schedule": [{"at_cycle": 2, "set": {"robots.0.parameters.speed_cm_s": 0}}],
 }
-
-SEED = 4111783006597517648
-"""With which the first point of `DEMO` was resampled before there were signals, faults and schedules."""
 
 
 def test_events_are_stored_read_and_exported_to_the_bit(tmp_path):
@@ -336,7 +316,7 @@ def test_what_changes_is_resampled_apart_and_its_defaults_leave_seeds_as_they_we
         return read_points(tmp_path / name)[0].seed
 
     plain = seed("plain")
-    assert plain == SEED
+    assert plain == 4111783006597517648  # as before there were signals, faults and schedules
     assert seed("same", faults=[], schedule=[]) == plain
     assert seed("faulty", faults=[{"kind": "ring_dead"}]) != plain
     assert seed("scheduled", schedule=[{"at_s": 1, "displace": {"by_cycles": "random"}}]) != plain
