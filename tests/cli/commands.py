@@ -70,7 +70,6 @@ def cells(stdout: str) -> list[list[str]]:
 
 
 def write_scene(folder: Path, controller: str, max_time_s: float) -> Path:
-    """Write a scenario of one robot with this controller."""
     (folder / "mine.py").write_text(controller)
     path = folder / "scene.yaml"
     path.write_text(f"name: mine\nrobots: [{{controller: mine.py, count: 1}}]\nstop: {{max_time_s: {max_time_s}}}\n")

@@ -20,8 +20,6 @@ from tests.control.bench import with_step
 
 pytestmark = pytest.mark.usefixtures("here")
 
-SHORT = ["--set", "stop.max_time_s=1", "--json"]
-
 
 def write(folder, **files):
     for name, text in files.items():
@@ -36,7 +34,7 @@ def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
     mine = "import helper\n" + with_step("memory.x = helper.halve(sensors.step_ms)")
     write(tmp_path, helper="def halve(x):\n    raise RuntimeError('no half')\n", mine=mine)
     (tmp_path / "scene.yaml").write_text("robots: [{controller: mine.py, count: 1}]")
-    command = ["run", "scene.yaml", *SHORT]
+    command = ["run", "scene.yaml", "--set", "stop.max_time_s=1", "--json"]
     assert "helper.py:2: RuntimeError: no half" in refused(*command, "--interpret")
     result = call(*command, "--interpret", "--traceback")
     assert result.exit_code == 2

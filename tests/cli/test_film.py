@@ -247,7 +247,7 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, plain, he
     assert description is None  # it is no film that a camera took
 
 
-def test_who_is_who_is_told_in_tables_and_in_the_summary(shelf, here) -> None:
+def test_who_is_who_is_told_by_motion_or_tags_in_tables_and_in_the_summary(shelf, here) -> None:
     found = tracked(shelf / "swarm.mp4", *["--flashes", "f.csv", "--trace", "t.parquet", "--pairs", "p.csv"])
     assert found.keys() == KEYS | {"identities"}
     told = [found["identities"][name] for name in ("by", "robots", "pairs_together")]
@@ -261,9 +261,6 @@ def test_who_is_who_is_told_in_tables_and_in_the_summary(shelf, here) -> None:
     assert lines[0].strip() == str(shelf / "swarm.mp4")
     assert (cells["frames"], cells["period"]) == ("72 at 20 per second", "1 s, estimated")
     assert (cells["T_sync"], cells["robots by motion"]) == ("3 cycles, 2.5 s", str(ROBOTS))
-
-
-def test_tags_tell_who_is_who(here) -> None:
     overhead = {"width_px": 320, "height_px": 320, "frames_per_s": FPS, "ambient": 0.2, "tags": "4X4_50", "tag_cm": 5}
     times = even(2.3, FPS)
     frames = shoot(times, in_step(times, ROBOTS), **overhead)[3:]

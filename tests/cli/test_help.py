@@ -18,7 +18,7 @@ from epuck_sim.scenario.changes import NOT_OF_AGENTS
 from tests.cli.commands import called, read
 
 
-def test_h_is_short_for_help_and_that_of_the_first_commands_fits_a_screen_with_the_rest_below_a_fold() -> None:
+def test_help_is_short_and_fits_a_screen_and_help_all_shows_every_option_in_groups_as_that_of_track_does() -> None:
     for words in ((), ("run",), ("new", "controller")):
         assert called(*words, "-h") == called(*words, "--help")
     for command in ("run", "summarize", "plot"):
@@ -27,9 +27,6 @@ def test_h_is_short_for_help_and_that_of_the_first_commands_fits_a_screen_with_t
         assert max(map(len, told.splitlines())) <= 80, command
         assert "…" not in told
     assert "A YAML file, a scenario's name" in called("run", "--help")
-
-
-def test_help_all_shows_every_option_in_groups_and_so_does_that_of_track() -> None:
     short, told = called("run", "--help"), called("run", "--help-all")
     places = [told.index(f" {heading} ─") for heading in ("Scenario", "Output", "More output", "Sweeps")]
     assert places == sorted(places)
@@ -43,7 +40,7 @@ def test_help_all_shows_every_option_in_groups_and_so_does_that_of_track() -> No
         assert places[place] < told.index(option) < [*places, len(told)][place + 1]
 
 
-def test_lists_are_also_json() -> None:
+def test_lists_are_also_json_and_a_key_is_explained_by_its_ending_or_section() -> None:
     listed = read("list")
     assert list(listed) == ["scenarios", "sweeps", "controllers", "robots"]
     sweeps = list(listed["sweeps"])
@@ -51,9 +48,6 @@ def test_lists_are_also_json() -> None:
     assert listed["scenarios"]["pair"].startswith("two e-pucks")
     assert listed["controllers"]["reorientation"].endswith(" {speed_cm_s: 12.8, reorientation_distance_mm: 30}")
     assert read("list", "--measures") == list_measures()
-
-
-def test_a_key_is_explained_by_its_ending_or_section() -> None:
     (count,) = read("list", "robots.0.count")["model: embodied"].items()
     assert count[0] == "robots.N.count"
     assert count[1].startswith("Number of robots in the group, ")
@@ -66,7 +60,7 @@ def test_a_key_is_explained_by_its_ending_or_section() -> None:
     assert called("list", "agents.speed_cm_s").splitlines()[0] == "model: particles"
 
 
-def test_parameters_of_controllers_are_explained_by_the_comments_in_their_files_with_whose_they_are() -> None:
+def test_parameters_of_controllers_are_explained_by_their_comments_and_kinds_that_a_model_takes_are_listed() -> None:
     key = "robots.N.parameters.speed_cm_s"
     explained = read("list", "speed_cm_s")
     fast, slow, none = explained["model: embodied"][key].split(" default: ")
@@ -77,9 +71,6 @@ def test_parameters_of_controllers_are_explained_by_the_comments_in_their_files_
     assert read("list", "robots.0.parameters.speed_cm_s") == of_robots
     constant = read("list", "parameters.ring_on")["model: embodied"]
     assert constant == {"robots.N.parameters.ring_on": "(constant; default: false)"}
-
-
-def test_kinds_are_explained_and_those_that_a_model_refuses_are_not_listed() -> None:
     of_robots, of_agents = (read("list", "faults")[f"model: {model}"] for model in ("embodied", "particles"))
     fewer = [*("robots", "jitter", "sensor"), *(f"kind: {kind}" for kind in NOT_OF_AGENTS)]
     assert of_robots.keys() - of_agents.keys() == {f"faults.N.{key}" for key in fewer}

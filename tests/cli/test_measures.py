@@ -10,19 +10,18 @@ from tests.runs.made_folders import COUNT, SPEED, rows, store_measured, sweep
 
 pytestmark = pytest.mark.usefixtures("here", "figures_noted", "sweeps_run_here")
 
-SHORT = ["--set", "stop.max_cycles=3"]
-
 
 @pytest.mark.parametrize("scenario", ["thesis", "particles"])
 def test_run_prints_measures_as_json_and_as_columns(scenario, here):
     write(here / "mine.py", COUNTER)
-    command = ["run", scenario, *SHORT, "--measure", "order_parameter", "--measure", "mine.py:Counter"]
+    short = ["run", scenario, "--set", "stop.max_cycles=3"]
+    command = [*short, "--measure", "order_parameter", "--measure", "mine.py:Counter"]
     trial = read(*command)
     assert list(trial["measures"]) == ["order_parameter", "Counter"]
     assert trial["measures"]["Counter"] == 3.0
     assert len(trial["measures"]["order_parameter"]) == trial["cycles"] == 3
     assert trial["measures"]["order_parameter"][-1] == trial["order_parameter"]
-    set_too = read(*command[:4], "--measure", "mine.py:Counter: {offset: 2, as: later}")
+    set_too = read(*short, "--measure", "mine.py:Counter: {offset: 2, as: later}")
     assert set_too["measures"] == {"later": 5.0}
     table = called(*command)
     assert all(said in table for said in ("3 values", "Counter"))
@@ -36,8 +35,6 @@ def test_list_tells_the_shipped_measures_and_their_parameters():
         assert all(f"{name}: {default}" in line for name, default in find_measure(line.split()[0]).parameters.items())
 
 
-SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10]
-
 LAWS = {
     "number": lambda at, random: float(np.exp(1 - (np.log10(at.axes[SPEED]) - 0.2) ** 2 + random.normal(0, 0.05))),
     "truth": lambda point, random: bool(random.random() < 0.1 * point.axes[COUNT]),
@@ -49,7 +46,7 @@ def folder_of(here, name, trials=25, shift=0):
     """Make a run folder with a measure, whose values follow the law of its name."""
     path = write(here / "mine.py", f"UNIT = 'cm'\ndef {name}(simulation): return 0\n")
     random = np.random.default_rng(3 + shift)
-    scenario = sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)], figure={"y": COUNT})
+    scenario = sweep({SPEED: [0.1, 0.2, 0.5, 1, 2, 5, 10], COUNT: [2, 6]}, measures=[str(path)], figure={"y": COUNT})
     folder = here / f"{name}{shift}"
     return store_measured(folder, scenario, lambda point: [LAWS[name](point, random) for _ in range(trials)])
 

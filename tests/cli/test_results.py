@@ -65,7 +65,7 @@ def test_options_of_the_figure_are_those_of_the_section(small, figures_noted, tm
     assert "a trial" in panel.get_legend_handles_labels()[1]
 
 
-def test_fit_of_several_folders_prints_them_all_and_names_the_statistic(made, tmp_path) -> None:
+def test_fit_of_several_folders_names_the_statistic_and_fit_of_powers_prints_exponents(made, tmp_path) -> None:
     other = store(tmp_path / "other", sweep({COUNT: [10], SPEED: MANY_SPEEDS}, trials=100), bumpy)
     found = json.loads(call("fit", made, other, "--statistic", "weibull-mean", "--json").stdout)
     assert [curve["statistic"] for curve in found["curves"]] == [["Weibull mean"]] * 3
@@ -74,12 +74,8 @@ def test_fit_of_several_folders_prints_them_all_and_names_the_statistic(made, tm
     stdout = call("fit", made, other, "--statistic", "median").stdout
     assert all(said in stdout for said in ("T_m and T_p: median.", "Scaling laws of 3 curves", "coupling"))
 
-
-def test_fit_of_powers_prints_exponents_of_t_sync_or_a_measure(tmp_path) -> None:
-    def law(point):
-        return weibull(point, 3000 / point.axes[COUNT] ** 1.5)
-
-    folder = store(tmp_path / "run", sweep({COUNT: [5, 10, 20], SPEED: SPEEDS}, trials=20), law)
+    scenario = sweep({COUNT: [5, 10, 20], SPEED: SPEEDS}, trials=20)
+    folder = store(tmp_path / "run", scenario, lambda point: weibull(point, 3000 / point.axes[COUNT] ** 1.5))
     (found,) = read("fit", folder, "--power", "count,speed_cm_s")
     assert (found["of"], found["trials"], found["points"]) == ("T_sync (cycles)", 300, 15)
     assert found["exponents"][COUNT]["low"] < -1.5 < found["exponents"][COUNT]["high"]
@@ -143,7 +139,7 @@ def test_where_leaves_the_points_with_some_values_of_an_axis(tmp_path) -> None:
     assert (tmp_path / "fig.txt").read_text().splitlines()[2] == "Only points with count=10."
 
 
-def test_plan_of_a_folder_says_where_trials_tell_of_time_alone(tmp_path) -> None:
+def test_plan_says_where_trials_tell_of_time_alone_times_some_of_a_scenario_and_names_a_share(tmp_path) -> None:
     for limit, printed, note in (
         (None, ": all are stored.", "note: trials have no T_sync; give --of"),
         (0.95, "in 80 % of all cases: all are censored at their limit.", ""),
@@ -153,9 +149,6 @@ def test_plan_of_a_folder_says_where_trials_tell_of_time_alone(tmp_path) -> None
         assert result.exit_code == 0
         assert printed in result.stdout
         assert result.stderr[: len(note) or None] == note
-
-
-def test_plan_of_a_scenario_times_some_of_its_trials_and_that_of_a_folder_names_its_share(tmp_path) -> None:
     call("run", "pair", "--set", "stop.max_cycles=2", "--trials", 2, "--share", "1/2", "--out", tmp_path / "run")
     assert "2 trials each: all of share 1/2 are stored." in called("plan", tmp_path / "run")
     options = ("--sweep", f"{SPEED}=1,2,4,8,10,12", "--set", "stop.max_cycles=2", "--trials", 1000, "--workers", 2)
