@@ -13,7 +13,7 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.util.atomic_write import atomic_write, is_leftover, remove_unfinished, temporary_path
 
 
-def test_a_file_of_the_user_s_own_that_ends_in_part_stays_as_do_permissions_and_where_a_link_leads(tmp_path) -> None:
+def test_a_user_s_part_stays_as_do_permissions_and_links_and_new_files_have_those_of_the_umask(tmp_path) -> None:
     own = tmp_path / "table.csv.part"
     own.write_text("mine")
     with atomic_write(tmp_path / "table.csv") as part:
@@ -30,6 +30,14 @@ def test_a_file_of_the_user_s_own_that_ends_in_part_stays_as_do_permissions_and_
     assert link.is_symlink()
     assert (target.read_text(), target.stat().st_mode & 0o777) == ("new", 0o600)
     assert [path.name for path in target.parent.iterdir()] == ["secret.csv"]
+    for mask in (0o022, 0o077, 0o002):
+        before = os.umask(mask)
+        try:
+            with atomic_write(tmp_path / f"{mask}.csv") as part:
+                part.write_text("new")
+        finally:
+            os.umask(before)
+        assert (tmp_path / f"{mask}.csv").stat().st_mode & 0o777 == 0o666 & ~mask
 
 
 def test_two_writers_of_one_file_each_publish_a_whole_one(tmp_path) -> None:
@@ -66,17 +74,6 @@ def test_an_error_leaves_the_old_file_and_nothing_else_and_a_file_that_nobody_wr
             part.write_text("half")
             raise error
         assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"table.csv": "old"}
-
-
-def test_the_file_has_the_permissions_that_the_user_s_umask_gives(tmp_path) -> None:
-    for mask in (0o022, 0o077, 0o002):
-        before = os.umask(mask)
-        try:
-            with atomic_write(tmp_path / f"{mask}.csv") as part:
-                part.write_text("new")
-        finally:
-            os.umask(before)
-        assert (tmp_path / f"{mask}.csv").stat().st_mode & 0o777 == 0o666 & ~mask
 
 
 def test_temporary_files_and_folders_can_be_removed_from_outside_their_blocks(tmp_path) -> None:

@@ -83,7 +83,7 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
     assert found["DATABASE"] not in kernel_files("embodied")
 
 
-def test_an_edit_compiles_the_rooms_anew_that_use_what_was_edited(tmp_path) -> None:
+def test_an_edit_compiles_the_rooms_anew_that_use_it_and_kernels_are_kept_under_their_digest(tmp_path, monkeypatch):
     package = Path(shutil.copytree(PACKAGE, tmp_path / "copy", ignore=shutil.ignore_patterns("__pycache__")))
     rooms = ["embodied", "particles"]
     for file, expected in (
@@ -98,8 +98,6 @@ def test_an_edit_compiles_the_rooms_anew_that_use_what_was_edited(tmp_path) -> N
         assert [room for room in rooms if kernel_digest(room, package) != kernel_digest(room)] == expected, file
         (package / file).write_text(before)
 
-
-def test_a_kernel_of_a_room_or_of_its_tests_is_kept_under_the_digest_of_the_room(monkeypatch) -> None:
     def kernel() -> int:
         return 1
 
@@ -188,7 +186,7 @@ def compile_into(folder: Path, monkeypatch) -> Any:
     return native.compile_cached(plus_two, "0123456789abcdef", careful=False)
 
 
-def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monkeypatch) -> None:
+def test_a_cache_that_is_removed_in_use_is_made_anew_and_a_full_one_costs_a_warning(tmp_path, monkeypatch) -> None:
     plus_two = compile_into(tmp_path, monkeypatch)
     assert plus_two(1) == 3
     os.utime(tmp_path / "0123456789abcdef", (0, 0))
@@ -196,6 +194,11 @@ def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monke
     assert list(tmp_path.iterdir()) == []
     assert plus_two(1.0) == 3.0
     assert list(tmp_path.rglob("*.nbc")) != []
+    full = Mock(side_effect=OSError(errno.EDQUOT, "Disk quota exceeded"))
+    plus_two = compile_into(tmp_path / "full", monkeypatch)
+    monkeypatch.setattr("pathlib.Path.replace", full)
+    with pytest.warns(UserWarning, match=rf"{tmp_path}/full: compiled code cannot be kept here.*: Disk quota exceeded"):
+        assert plus_two(1) == 3
 
 
 def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_path, monkeypatch) -> None:
@@ -214,23 +217,12 @@ def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_p
             assert [is_from_cache(), is_from_cache()] == [False, True]
 
 
-def test_a_cache_that_gets_full_costs_a_warning_not_the_run(tmp_path, monkeypatch) -> None:
-    full = Mock(side_effect=OSError(errno.EDQUOT, "Disk quota exceeded"))
-    plus_two = compile_into(tmp_path, monkeypatch)
-    monkeypatch.setattr("pathlib.Path.replace", full)
-    with pytest.warns(UserWarning, match=rf"{tmp_path}: compiled code cannot be kept here.*: Disk quota exceeded"):
-        assert plus_two(1) == 3
-
-
-def test_what_is_unlikely_happens_all_the_same() -> None:
+def test_what_is_unlikely_happens_all_the_same_and_arrays_of_a_block_are_passed_as_one_pointer() -> None:
     @njit
     def which(number: float) -> str:
         return "unlikely" if unlikely(number > 1) else "likely"
 
     assert [which(number) for number in (0.0, 2.0)] == ["likely", "unlikely"]
-
-
-def test_compiled_code_passes_the_arrays_of_a_block_as_one_pointer() -> None:
     count = njit(**WITHOUT_WRAPPERS)(lambda swarm: len(swarm.robots))
     assert njit(lambda block: count(carve(block, Swarm)))(make_block({"robots": 3})) == 3
     ((kind,),) = count.signatures
@@ -245,7 +237,7 @@ def test_users_functions_multiply_matrices_though_scipy_s_are_loaded_then_alone(
     assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[[7.0, 10.0], [15.0, 22.0]]\n"
 
 
-def test_another_numba_is_told_in_a_sentence_with_what_to_install(tmp_path) -> None:
+def test_another_numba_or_one_told_to_compile_nothing_is_refused_in_a_sentence(tmp_path) -> None:
     environment = os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{PACKAGE.parent}"}
     for other, said in (
         ("import numba.core.caching as lacking; del lacking.NullCache", "cannot import name 'NullCache'"),
@@ -263,10 +255,7 @@ def test_another_numba_is_told_in_a_sentence_with_what_to_install(tmp_path) -> N
         found = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         assert (found.returncode, "Traceback" in found.stderr) == (1, False), found.stderr
         assert said in found.stdout
-
-
-def test_numba_that_is_told_to_compile_nothing_is_refused(tmp_path) -> None:
-    command, environment = [sys.executable, "-m", "epuck_sim", "run"], os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    command, environment = command[:4], os.environ | {"NUMBA_DISABLE_JIT": "1"}
     for words in (["pair"], ["pair", "--interpret"], ["particles"], ["pair", "--out", str(tmp_path / "run")]):
         found = subprocess.run([*command, *words], env=environment, capture_output=True, text=True, check=False)
         assert (found.returncode, found.stderr.count("\n")) == (2, 1), found.stderr
@@ -285,18 +274,14 @@ def temporary(tmp_path, monkeypatch):
     cache_root.cache_clear()
 
 
-def test_without_a_cache_folder_there_is_one_of_the_user_among_temporary_files(temporary: Path) -> None:
+def test_without_a_cache_folder_or_a_home_there_is_one_among_temporary_files(temporary: Path, monkeypatch) -> None:
     for _ in range(2):
         folder = cache_root()
         assert folder == temporary / f"epuck-sim-{USER}"
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
         cache_root.cache_clear()
 
-
-def test_a_user_without_a_home_has_a_cache_folder_too_and_trusts_code_while_the_process_lasts(temporary, monkeypatch):
-    def homeless(_: str) -> Path:
-        raise RuntimeError("could not determine the home directory")
-
+    homeless = Mock(side_effect=RuntimeError("could not determine the home directory"))
     monkeypatch.delenv("NUMBA_CACHE_DIR")
     for name in ("user_cache_path", "user_state_path"):
         monkeypatch.setattr(platformdirs, name, homeless)

@@ -42,7 +42,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_trial_a_sweep_and_a_summary_need_nothing_that_windows_lacks(tmp_path: Path) -> None:
+def test_trials_sweeps_and_summaries_need_nothing_that_windows_lacks_and_signals_are_those_there(tmp_path) -> None:
     (tmp_path / "sitecustomize.py").write_text(ELSEWHERE)
     (tmp_path / "program.py").write_text(COMMANDS)
     environment = os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{Path(__file__).parents[2]}"}
@@ -50,9 +50,6 @@ def test_a_trial_a_sweep_and_a_summary_need_nothing_that_windows_lacks(tmp_path:
     done = subprocess.run(program, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "T_sync" in done.stdout
-
-
-def test_a_signal_that_is_not_there_is_left_out() -> None:
     assert [each.name for each in signals("SIGINT", "SIGNOTHING", "SIGTERM")] == ["SIGINT", "SIGTERM"]
 
 
@@ -86,7 +83,7 @@ def test_a_control_group_and_those_around_it_limit_what_is_available(tmp_path) -
         assert sorted(machine._of_cgroups(tmp_path, line)) == [1000, 2500]
 
 
-def test_what_needs_more_memory_than_there_is_is_refused_with_both_numbers(tmp_path, monkeypatch) -> None:
+def test_what_needs_more_memory_than_there_is_is_refused_with_both_numbers_also_a_sweep(tmp_path, monkeypatch) -> None:
     little = 70_000_000
     monkeypatch.setattr(machine, "available_bytes", lambda: little)
     assert machine.lack_of_memory(little) is None
@@ -100,9 +97,6 @@ def test_what_needs_more_memory_than_there_is_is_refused_with_both_numbers(tmp_p
     with pytest.raises(FilmError, match=said), film_trial(tmp_path / "film.mp4", scenario, 0):
         pass
     assert not list(tmp_path.iterdir())
-
-
-def test_a_sweep_is_refused_whose_workers_need_more_together(monkeypatch) -> None:
     found = points(load_scenario(LARGE, axes=["robots.0.camera.pixels=1,400"]))
     for module in ("epuck_sim.util.machine", "epuck_sim.sweep.demand"):
         monkeypatch.setattr(f"{module}.available_bytes", lambda: 500_000_000)
