@@ -113,7 +113,6 @@ def with_step(line: str, **assignments: str) -> str:
 
 
 def with_sense(lines: str, readings: str, parameters: str = "{}") -> str:
-    """Return the file of a sensor."""
     given = f"PARAMETERS = {parameters}\nREADINGS = {readings}\n\n"
     return f"{given}def sense(world, robot, readings, parameters, random):\n    {lines}\n"
 

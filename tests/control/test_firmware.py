@@ -25,12 +25,23 @@ def write_firmware(path: Path, step: str = "", head: str = "", memory: str = "E_
     return find_controller(str(path))
 
 
-def test_the_firefly_in_c_has_the_parameters_and_the_memory_of_the_one_in_python():
+def test_parameters_memory_and_check_are_those_of_the_file_which_needs_neither_list_and_may_have_tables(tmp_path):
     firmware, controller = find_controller(str(FIREFLY)), find_controller("firefly")
     assert firmware.parameters == controller.parameters
     assert list(firmware.parameters) == list(controller.parameters)
     assert firmware.memory == controller.memory
     assert firmware.is_oscillator
+    head = 'const char *check(void) { return parameters->gain < 0 ? e_refuse("gain is %g", parameters->gain) : NULL; }'
+    firmware = write_firmware(tmp_path / "mine.c", head=head)
+    assert firmware.resolve({}) == {"gain": 2.5, "whole": -3, "flag": True}
+    with pytest.raises(ValueError, match=r"^gain is -1$"):
+        firmware.resolve({"gain": -1})
+    (tmp_path / "empty.c").write_text("#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { {} }\n")
+    firmware = find_controller(str(tmp_path / "empty.c"))
+    assert firmware.resolve({}) == {}
+    Bench(firmware, robots=2).control.step()
+    head = 'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'  # not shared
+    write_firmware(tmp_path / "mine.c", "e_set_led((unsigned)NAMES[e_get_red(1)][0], GAINS[1]);", head=head)
 
 
 def test_random_numbers_are_those_of_python_and_errors_of_other_controllers_are_not_those_of_firmware(tmp_path):
@@ -85,20 +96,6 @@ def test_a_robot_reads_pulses_sends_and_turns_and_sets_leds_one_by_one_or_all(tm
     for leds in (255, 254, 1, 0):
         bench.control.step()
         assert bench.actuators[["send", "turn_rad", "ring_on"]].tolist() == [(3, 0, leds), (904, 4.5, leds)]
-
-
-def test_defaults_types_and_check_are_those_of_the_file_which_needs_neither_list_and_may_have_tables(tmp_path):
-    head = 'const char *check(void) { return parameters->gain < 0 ? e_refuse("gain is %g", parameters->gain) : NULL; }'
-    firmware = write_firmware(tmp_path / "mine.c", head=head)
-    assert firmware.resolve({}) == {"gain": 2.5, "whole": -3, "flag": True}
-    with pytest.raises(ValueError, match=r"^gain is -1$"):
-        firmware.resolve({"gain": -1})
-    (tmp_path / "empty.c").write_text("#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { {} }\n")
-    firmware = find_controller(str(tmp_path / "empty.c"))
-    assert firmware.resolve({}) == {}
-    Bench(firmware, robots=2).control.step()
-    head = 'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'  # not shared
-    write_firmware(tmp_path / "mine.c", "e_set_led((unsigned)NAMES[e_get_red(1)][0], GAINS[1]);", head=head)
 
 
 def test_a_library_runs_as_its_source_does_and_an_edit_of_either_or_of_what_it_includes_is_noticed(tmp_path):

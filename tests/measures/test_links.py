@@ -231,20 +231,10 @@ def value(measure, seconds, faults=(), robots=None, seed=5, observers=()):
     return found
 
 
-def test_a_robot_is_suspected_after_the_patience_since_its_last_flash_or_since_the_start():
+def test_a_robot_is_suspected_after_the_patience_all_that_fail_must_be_found_and_the_impatient_give_alarms():
     patient, dead = {"detection_delay": {"cycles": 3}}, {"kind": "ring_dead", "robots": [1]}
     assert 3 - 1 < value(patient, 60, [{**dead, "at_s": 20}]) < 3  # up to a period before the fault counts
     assert value(patient, 60, [dead]) == pytest.approx(3, abs=0.041)  # two steps of 0.1 s
-
-
-@pytest.mark.parametrize("at_s", [20, 21.3, 22.6, 23.9])
-def test_a_fault_amid_many_steps_is_noticed_as_in_steps_one_by_one(at_s):
-    """Some are suspected already when it begins."""
-    given = {"detection_delay": {"cycles": 0.5}}, 60, [{"kind": "ring_dead", "robots": [1], "at_s": at_s}]
-    assert value(*given) == value(*given, observers=[lambda *_: None])
-
-
-def test_all_that_fail_must_be_found_and_without_faults_there_is_no_delay_but_there_are_alarms_of_the_impatient():
     three = [{"poses": [*FACE_TO_FACE, [50.0, 30.0, 0.0]], "controller": "oscillator"}]
     assert value("detection_delay", 60, [{"kind": "ring_dead", "robots": [1]}], three) is not None
     assert value("detection_delay", 60, [{"kind": "ring_dead", "robots": [1, 2]}], three) is None
@@ -252,6 +242,13 @@ def test_all_that_fail_must_be_found_and_without_faults_there_is_no_delay_but_th
     assert value({"false_alarms": {"cycles": 1.1}}, 600) == 0  # who is always in view
     alarms = value({"false_alarms": {"cycles": 0.5}}, 600)
     assert alarms == pytest.approx(3600 / PERIOD_S, rel=0.12)  # coupling shortens cycles
+
+
+@pytest.mark.parametrize("at_s", [20, 21.3, 22.6, 23.9])
+def test_a_fault_amid_many_steps_is_noticed_as_in_steps_one_by_one(at_s):
+    """Some are suspected already when it begins."""
+    given = {"detection_delay": {"cycles": 0.5}}, 60, [{"kind": "ring_dead", "robots": [1], "at_s": at_s}]
+    assert value(*given) == value(*given, observers=[lambda *_: None])
 
 
 def slow_alarms(cycles, seconds, dead, seed):

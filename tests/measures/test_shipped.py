@@ -57,7 +57,7 @@ def positions(event, simulation):
     return simulation.positions() if hasattr(simulation, "phases") else event.poses[:, :2].copy()
 
 
-def test_what_there_is_not_is_none_and_what_stays_is_the_same():
+def test_what_there_is_not_is_none_what_stays_is_the_same_and_what_a_sweep_s_points_mend_no_mistake():
     mute, at_once = {"robots": [{"controller": "obstacle_avoidance"}]}, {"stop": {"max_time_s": 0.1}}
     still = {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}
     # in range of each other, with more links than there was room for at first
@@ -80,9 +80,6 @@ def test_what_there_is_not_is_none_and_what_stays_is_the_same():
         ("mean_speed", at_once, None),
     ]:
         assert run(measure, **sections)[1] == value
-
-
-def test_what_the_values_of_a_sweep_s_points_mend_is_no_mistake():
     given = {**AGENTS, "measures": ["perturbation"], "sweep": {"grid": {"start.displacement": [0.1]}}}
     (point,) = points({**given, "start": {"phases": "synchronised"}})
     assert point.scenario.start.displacement == 0.1
@@ -225,11 +222,17 @@ def test_a_cluster_lives_on_in_one_with_more_than_half_of_both(cycles):
     assert synchrony.surviving_clusters(numbers[:-1], numbers[1:]) == (lived, gone)
 
 
-def test_velocities_are_correlated_until_they_turn():
+def test_velocities_are_correlated_until_they_turn_and_growth_is_told_between_rounding_and_large():
     decay = np.exp(-np.arange(50) / 8)
     assert correlation_time(decay, 0.5) == pytest.approx(4.0)
     assert correlation_time(np.ones(5), 1.0) is None
     assert correlation_time(np.zeros(5), 1.0) is None
+    assert growth_rates([1e-6, 2e-6, 0.2, 1e-14, 1e-13]) == [pytest.approx(math.log(2)), None, None, None]
+    mean, low, high = mean_with_interval([1.0, 2.0, 3.0])
+    assert (mean, high - mean) == (2.0, pytest.approx(4.303 / math.sqrt(3), rel=1e-3))  # Student's t of 2
+    assert mean - low == pytest.approx(high - mean)
+    assert mean_with_interval([]) == [None, None, None]
+    assert mean_with_interval([1.0]) == [1.0, None, None]
 
 
 @models
@@ -329,15 +332,6 @@ def test_the_perturbation_is_the_distance_from_the_twin():
     assert exponent == mean_with_interval([rate for rate in growth_rates(series) if rate is not None])
 
 
-def test_growth_is_told_where_a_deviation_is_neither_rounding_nor_large():
-    assert growth_rates([1e-6, 2e-6, 0.2, 1e-14, 1e-13]) == [pytest.approx(math.log(2)), None, None, None]
-    mean, low, high = mean_with_interval([1.0, 2.0, 3.0])
-    assert (mean, high - mean) == (2.0, pytest.approx(4.303 / math.sqrt(3), rel=1e-3))  # Student's t of 2
-    assert mean - low == pytest.approx(high - mean)
-    assert mean_with_interval([]) == [None, None, None]
-    assert mean_with_interval([1.0]) == [1.0, None, None]
-
-
 def test_an_agent_is_displaced_before_anything_has_happened_and_so_may_a_twin_be():
     simulation = ParticleSimulation(load_scenario(AGENTS), 3)
     before = simulation.phases()
@@ -356,12 +350,16 @@ def test_an_agent_is_displaced_before_anything_has_happened_and_so_may_a_twin_be
     assert run({"perturbation_transient": {"displacement": 1e-1, "tolerance": 1e-2}}, **uncoupled)[1] is None
 
 
-def test_the_mean_speed_of_robots_is_that_of_their_places():
+def test_the_mean_speed_of_robots_and_the_path_of_movables_are_those_of_their_places():
     places = []
     _, found = run("mean_speed", lambda step, *_: places.append(step.poses[:, :2].copy()), **ROBOTS)
     ways = [math.dist(before, after) for steps in pairwise(places) for before, after in zip(*steps, strict=True)]
     assert found == pytest.approx(10 * sum(ways) / len(ways))
     assert 0 < found < 12.8
+    assert moved([4], [[(1, 1)]]) is None
+    there_and_back = [[(0, 0), (9, 9)], [(3, 4), (9, 9)], [(0, 0), (9, 9)]]
+    assert moved([10, 15, 20], there_and_back) == pytest.approx((10 + 0) / 2 * 360)
+    assert moved([5, 3605], [[(0, 0)], [(0, 7)]]) == pytest.approx(7)
 
 
 def moved(times_s, places):
@@ -369,16 +367,6 @@ def moved(times_s, places):
     for time_s, movables in zip(times_s, places, strict=True):
         measure.cycle(SimpleNamespace(time_s=time_s, movables=np.array(movables, float)), None)
     return measure.value()
-
-
-def test_the_distance_that_movables_move_is_the_mean_path_in_an_hour():
-    assert moved([4], [[(1, 1)]]) is None
-    there_and_back = [[(0, 0), (9, 9)], [(3, 4), (9, 9)], [(0, 0), (9, 9)]]
-    assert moved([10, 15, 20], there_and_back) == pytest.approx((10 + 0) / 2 * 360)
-    assert moved([5, 3605], [[(0, 0)], [(0, 7)]]) == pytest.approx(7)
-
-
-MIXED = {**ROBOTS, "robots": [{"controller": "obstacle_avoidance", "count": 2}, {"count": 3}], "stop": {}}
 
 
 def test_a_field_of_one_robot_is_that_of_its_memory_and_of_all_the_mean_over_those_who_have_it():
@@ -389,19 +377,17 @@ def test_a_field_of_one_robot_is_that_of_its_memory_and_of_all_the_mean_over_tho
     assert values == [seen[-1], sum(seen) / CYCLES, seen]
     assert max(seen) > 0
     observer, seen = at_cycles(lambda step, _: step.memories[1]["phase_ms"].mean())
-    _, value = run({"memory": {"take": "series"}}, observer, **MIXED)
+    mixed = [{"controller": "obstacle_avoidance", "count": 2}, {"count": 3}]
+    _, value = run({"memory": {"take": "series"}}, observer, **ROBOTS | {"robots": mixed, "stop": {}})
     assert value == pytest.approx(seen)
 
 
-def test_one_measure_may_be_there_twice_under_two_names():
+def test_one_measure_may_be_there_under_two_names_and_one_of_several_is_chosen_by_name(tmp_path):
     measures = [{"memory": {"as": "phase"}}, {"memory": {"name": "rotation_time", "as": "turning"}}, "memory"]
     scenario = load_scenario({"measures": measures})
     assert load_scenario(scenario.model_dump()) == scenario
     (point,) = points(scenario)
     assert list(json.loads(stored_point(point).measures)) == ["phase", "turning", "memory"]
-
-
-def test_one_of_several_is_chosen_by_name(tmp_path):
     write(tmp_path / "mine.py", COUNTER + TELLTALE + "\ndef helper(): pass\n")
     for name in SHIPPED:
         measure = find_measure(name)
