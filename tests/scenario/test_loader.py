@@ -34,17 +34,14 @@ def test_what_is_left_out_is_that_of_the_base_cases_of_chapters_4_and_5() -> Non
         assert scenario.stop.metric == "complex"
 
 
-def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_path) -> None:
+def test_a_file_is_read_with_what_lies_beside_it_and_numpy_s_numbers_and_paths_as_in_a_file(tmp_path) -> None:
     (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'pace': 2.0}"))
     (tmp_path / "scene.yaml").write_text("robots: [{controller: mine.py, count: 1}]")
     scenario = load_scenario(tmp_path / "scene.yaml")
     assert scenario == load_scenario(str(tmp_path / "scene.yaml"))
     group = scenario.robots[0]
     assert (scenario.name, group.controller, group.parameters) == ("scene", str(tmp_path / "mine.py"), {"pace": 2.0})
-
-
-def test_numbers_of_numpy_and_paths_are_taken_as_a_file_would_have_them(tmp_path) -> None:
-    path = tmp_path / "mine.py"
+    path = tmp_path / "other.py"
     path.write_text(with_step("pass").replace("{}", "{'gain': 1.0}"))
     group = {"controller": path, "poses": np.array([[9.0, 9.0, 0.0]]), "parameters": {"gain": np.int64(2)}}
     grid = {"arena.width_cm": [*np.arange(60, 62)], "robots.0.parameters.gain": np.float32([2, 0.5])}
@@ -214,11 +211,17 @@ def test_junk_is_read_or_refused_in_words_that_are_not_the_library_s(model: str,
                 assert not any(word in allowed for word in OF_PYDANTIC), line
 
 
-def test_a_scenario_is_shown_on_one_line() -> None:
+def test_a_scenario_is_shown_on_one_line_and_a_simulation_needs_its_model_and_one_point_of_a_sweep() -> None:
     scenario = load_scenario("fig-4-2a")
     short = "EmbodiedScenario(name='fig-4-2a', model='embodied', population=10, points=100)"
     assert repr(scenario) == str(scenario) == short
     assert repr(load_scenario("particles")) == "ParticleScenario(name='particles', model='particles', population=20)"
+    swept = {"sweep": {"grid": {"stop.max_cycles": [1, 2]}}}
+    for kind, model, other in ((ParticleSimulation, "particles", {}), (Simulation, "embodied", {"model": "particles"})):
+        with pytest.raises(ScenarioError, match=r"is a sweep; simulate one of its points"):
+            kind({"model": model, **swept})
+        with pytest.raises(ScenarioError, match=f"needs model: {model}"):
+            kind(other)
 
 
 def test_a_loaded_scenario_is_completed_without_a_look_into_folders_and_a_changed_copy_checked(monkeypatch) -> None:
@@ -237,15 +240,6 @@ def test_a_loaded_scenario_is_completed_without_a_look_into_folders_and_a_change
     assert load_scenario(loaded) == loaded
     monkeypatch.setattr(robots, "find_controller", None)
     assert load_scenario(agents) is agents
-
-
-def test_a_simulation_needs_its_model_and_one_point_of_a_sweep() -> None:
-    swept = {"sweep": {"grid": {"stop.max_cycles": [1, 2]}}}
-    for kind, model, other in ((ParticleSimulation, "particles", {}), (Simulation, "embodied", {"model": "particles"})):
-        with pytest.raises(ScenarioError, match=r"is a sweep; simulate one of its points"):
-            kind({"model": model, **swept})
-        with pytest.raises(ScenarioError, match=f"needs model: {model}"):
-            kind(other)
 
 
 FULL = {"trials": 100, "stop": {"max_cycles": 1000}, "sweep": {"grid": {"a": [1, 2, 3], "b": [4, 5]}}}
@@ -304,7 +298,6 @@ def test_plain_words_and_numbers_mean_what_they_look_like_and_files_that_cannot_
 
 
 HAS_QUICK = {name: "quick" in read_yaml(path) for name, path in SCENARIO.shipped().items()}
-MANY = 60  # points: above so many a sweep's are looked at by the slow tests alone
 
 
 def flat(value, prefix="") -> list[str]:
@@ -318,7 +311,7 @@ def versions():
     for name, has_quick in HAS_QUICK.items():
         for quick in [False, True][: 1 + has_quick]:
             sweep = load_scenario(name, quick=quick).sweep
-            is_long = sweep is not None and sweep.point_count > MANY
+            is_long = sweep is not None and sweep.point_count > 60  # which the slow tests alone look at
             yield pytest.param(name, quick, id=f"{name}-quick" if quick else name, marks=[pytest.mark.slow] * is_long)
 
 

@@ -113,7 +113,7 @@ def test_a_range_is_even_from_its_first_number_to_its_last(a, b, number, scale, 
     assert np.allclose(steps, steps.mean(), atol=2e-5 * (1 if is_log else np.abs(values).max()))
 
 
-def test_ranges_stand_beside_values_in_files_and_of_whole_numbers_are_whole() -> None:
+def test_ranges_stand_beside_values_in_files_whole_ones_are_whole_and_all_points_allowed_are_made() -> None:
     grid = {"robots.0.count": "5:20:4", "arena.width_cm": [50, "60:80:3:lin"]}
     sweep = load_scenario({"sweep": {"grid": grid}}).sweep
     assert sweep.grid == {"robots.0.count": (5, 10, 15, 20), "arena.width_cm": (50, 60, 70, 80)}
@@ -121,11 +121,12 @@ def test_ranges_stand_beside_values_in_files_and_of_whole_numbers_are_whole() ->
     assert with_ranges("a.x", "-0.1:0.2:4") == [-0.1, 0.0, 0.1, 0.2]
     assert with_ranges("measures.0.odds.ratio", ["1:2", "12:30:x"]) == ["1:2", "12:30:x"]  # a text, to the measure
     assert with_ranges("robots.0.controller", ["C:\\a.py", "1:2.py"]) == ["C:\\a.py", "1:2.py"]
+    given = {"points": [{"p": 0}, {"p": 1}], "zip": {"z": [*range(50)]}, "grid": {"g": [*range(1000)]}}
+    assert len(SweepAxes.model_validate(given).rows()) == MAX_POINTS == 100_000
 
 
 COUNT, SPEED = "robots.0.count", "robots.0.parameters.speed_cm_s"
-WIDTH, HEIGHT = "arena.width_cm", "arena.height_cm"
-
+WIDTH = "arena.width_cm"
 VALUES = st.integers(0, 9) | st.sampled_from(["on", None, 0.5, [1, 2], {"x": 1}])
 
 
@@ -157,11 +158,6 @@ def test_rows_are_those_found_by_splitting_one_axis_after_the_other(given: dict)
     assert {tuple(row) for row in axes.rows()} == {tuple(axes.keys)}
 
 
-def test_as_many_points_as_are_allowed_are_not_too_many() -> None:
-    given = {"points": [{"p": 0}, {"p": 1}], "zip": {"z": [*range(50)]}, "grid": {"g": [*range(1000)]}}
-    assert len(SweepAxes.model_validate(given).rows()) == MAX_POINTS == 100_000
-
-
 def grid_of(source, *axes: str):
     return list(load_scenario(source, axes=axes).sweep.grid.items())
 
@@ -187,7 +183,6 @@ MINE = with_step("actuators.left_cm_s = parameters.pace", PARAMETERS='{"pace": 2
 
 
 def seeds(scenario, trials: int = 3):
-    """Return the seeds of the first trials by the point's key."""
     return {point.key: [point.seed(trial) for trial in range(trials)] for point in points(scenario)}
 
 
@@ -238,7 +233,7 @@ def test_a_sweep_that_is_written_is_read_again(columns: dict, listed) -> None:
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
 
 
-def test_seeds_are_those_of_every_version_before() -> None:
+def test_seeds_are_those_of_every_version_before_and_depend_on_neither_trials_nor_what_is_the_same() -> None:
     of_axes = f'{{"{COUNT}": 2.0, "{SPEED}": 0.5}}'
     for master, axes, key, *expected in (
         (0, {}, "{}", 3863378073750256, 3225868734339422, 3231444368234837),
@@ -248,6 +243,10 @@ def test_seeds_are_those_of_every_version_before() -> None:
         (point,) = points(load_scenario({"seed": master, **({"sweep": {"points": [axes]}} if axes else {})}))
         assert point.key == key
         assert [point.seed(trial) for trial in (0, 1, 199)] == expected
+    base = {"sweep": {"grid": {COUNT: [2, 3]}}, "trials": 4}
+    others = ["arena.height_cm=80", "stop.max_cycles=7", "noise=off"]
+    for change in ("trials=500", "name=other", "description=other", *others):
+        assert seeds(load_scenario(base, [change])) == seeds(load_scenario(base))
 
 
 @given(st.integers(0, 2**64), st.text(max_size=20), st.text(max_size=20), st.integers(0, 10**7))
@@ -284,13 +283,6 @@ def test_a_grid_shuffled_listed_or_zipped_and_with_other_numbers_has_the_same_ke
     listed = [{"points": each} for each in (rows, backwards, floats)]
     for sweep in ({"grid": shuffled}, {"zip": zipped}, *(listed if COUNT not in axes else listed[:2])):
         assert seeds(load_scenario({"sweep": sweep})) == seeds(scenario)
-
-
-def test_seeds_do_not_depend_on_trials_or_on_what_is_the_same_at_all_points() -> None:
-    base = {"sweep": {"grid": {COUNT: [2, 3]}}, "trials": 4}
-    others = ["arena.height_cm=80", "stop.max_cycles=7", "noise=off"]
-    for change in ("trials=500", "name=other", "description=other", *others):
-        assert seeds(load_scenario(base, [change])) == seeds(load_scenario(base))
 
 
 def test_words_sections_and_parameters_of_swept_controllers_can_be_axes_too() -> None:
