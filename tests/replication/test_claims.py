@@ -169,7 +169,7 @@ def test_every_test_finds_its_points_in_a_sweep_that_can_be_run_and_keys_may_lea
                 assert math.isnan(run_check(check, stored).effect.estimate.low), claim.id
 
 
-def test_each_is_a_short_sentence_of_a_line_of_the_text_in_the_order_of_its_sections() -> None:
+def test_all_claims_are_short_sentences_of_the_text_in_order_and_what_trials_cannot_decide_is_named() -> None:
     lines: dict[str, set[int]] = {}
     for claim in CLAIMS.claims:
         if claim.id == "R14":  # which no sentence says
@@ -184,9 +184,6 @@ def test_each_is_a_short_sentence_of_a_line_of_the_text_in_the_order_of_its_sect
     at = {section: (min(found), max(found)) for section, found in lines.items()}
     ordered = sorted(at, key=lambda section: [(not part.isdigit(), part.zfill(3)) for part in section.split(".")])
     assert all(at[one][1] <= at[other][0] for one, other in pairwise(ordered))
-
-
-def test_all_claims_are_there_what_trials_cannot_decide_is_named_and_rises_have_a_margin_as_ratios_have() -> None:
     assert [claim.id for claim in CLAIMS.claims] == [f"R{number}" for number in range(1, 75)]
     assert sum(bool(claim.checks) for claim in CLAIMS.claims) >= 58
     by_kind = {kind: {c.id for c in CLAIMS.claims if getattr(c, kind)} for kind in ("identity", "no_claim", "reading")}

@@ -204,15 +204,12 @@ def test_a_rank_trend_is_spearmans(curves) -> None:
     assert effect.p_above(effect.estimate.low) == pytest.approx(0.025, abs=1e-6)
 
 
-def test_a_perfect_trend_is_one_and_numbers_have_no_share_that_is_true() -> None:
+def test_a_perfect_trend_is_one_intervals_hold_strong_ones_and_numbers_have_no_share_that_is_true() -> None:
     effect = criteria.rank_trend(np.arange(5.0), [measured([value] * 4) for value in range(5)])
     assert effect.estimate.value == pytest.approx(1)
     assert effect.p_above(0.9) < 1e-6
     with pytest.raises(EpuckSimError, match="this measure has other values"):
         share(measured([0, 0, 0, 0, 0]))
-
-
-def test_intervals_of_strong_trends_hold_the_truth() -> None:
     truth, rng = 6 / math.pi * math.asin(0.9 / 2), np.random.default_rng(4)  # of normal pairs that correlate by 0.9
     held = []
     for _ in range(300):
