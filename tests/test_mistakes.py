@@ -6,7 +6,7 @@ A row has `says`, parts of the message with ... between them, and what is wrong:
 - `command`: words after `epuck-sim`; that of a row with a scenario is `check s.yaml`
 - `files`: further files by their names, beside the scenario; `folders`, `pipes`: names of what is there and no file;
   `links`: what links lead to, by their names
-- `beside`: recordings and run folders, by their names in `MAKERS`
+- `beside`: recordings and run folders, by their names in `MAKERS`; `environment`: variables
 - `code`: the exit code, if it is not 2; 0, if it is only noted
 - `late`: true, if trials must run for it to be met; `lacks`: what the message does not say
 """
@@ -157,6 +157,8 @@ def test_a_mistake_ends_the_command_with_one_message_before_any_trial(row, shelf
         text = row["text"] if "text" in row else yaml_io.write_yaml(row["scenario"])
         Path("s.yaml").write_text(text, encoding="utf-8")
     before = contents(tmp_path)
+    for name, value in row.get("environment", {}).items():
+        monkeypatch.setenv(name, value)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")

@@ -48,7 +48,7 @@ def uninterrupted(tmp_path_factory) -> list[tuple]:
     return rows
 
 
-def test_more_workers_give_the_same_table_bit_for_bit_and_leave_nothing_to_do(tmp_path, uninterrupted) -> None:
+def test_more_workers_give_the_same_table_leave_nothing_to_do_and_wrong_calls_make_no_folder(tmp_path, uninterrupted):
     scenario = load_scenario(short_sweep(tmp_path, TRIALS))
     tallies: list[SweepProgress] = []
     run_sweep(scenario, tmp_path / "run", 3, tallies.append)
@@ -60,6 +60,8 @@ def test_more_workers_give_the_same_table_bit_for_bit_and_leave_nothing_to_do(tm
     assert run_sweep(scenario, tmp_path / "run", lambda: pytest.fail("a pool was opened")).ended == 0
     with pytest.raises(ValueError, match=r"workers is 0; allowed: whole numbers from 1"):
         run_sweep(scenario, tmp_path / "other", workers=0)
+    with pytest.raises(EpuckSimError, match="share is 1/20; leave it out: until looks at all trials of a point"):
+        run_sweep(short_sweep(tmp_path, 20), tmp_path / "other", pool_here, share=Share(1, 20), until=Looks("10%"))
     assert not (tmp_path / "other").exists()
 
 
@@ -269,7 +271,7 @@ def test_the_trials_are_the_first_ones_of_a_plain_sweep_to_the_first_narrow_look
     assert read_status(folder)[2:4] == (4 * MOST, 4 * MOST)
 
 
-def test_trials_that_fail_are_looked_at_as_ended_and_left_out_of_intervals(tmp_path, all_trials) -> None:
+def test_trials_that_fail_are_left_out_of_intervals_and_interruptions_do_not_change_what_is_run(tmp_path, all_trials):
     measure = tmp_path / "picky.py"
     measure.write_text("def picky(simulation):\n    return 1 // (simulation.seed % 3)\n")
     looks, scenario = Looks(ASKED), four_points(tmp_path, f"measures=[{measure}]")
@@ -278,10 +280,7 @@ def test_trials_that_fail_are_looked_at_as_ended_and_left_out_of_intervals(tmp_p
     assert [row.cells["trials"] for row in looks.table().rows] == ends
     assert 0 < progress.failed == sum(row[5] % 3 == 0 for row in rows)
     assert progress.stored + progress.failed == progress.trials == sum(ends)
-
-
-def test_workers_and_interruptions_do_not_change_what_is_run(tmp_path, all_trials) -> None:
-    scenario, folder = four_points(tmp_path), tmp_path / "run"
+    scenario, folder = four_points(tmp_path), tmp_path / "stopped"
     ends, rows = expected(all_trials, ASKED)
     with pytest.raises(Stopped):
         run_sweep(scenario, folder, 2, stopper(sum(ends) - 30), until=Looks(ASKED))
@@ -336,9 +335,3 @@ def test_the_command_says_how_narrow_intervals_are(all_trials) -> None:
         assert row["is_narrow"] == (row["half_width"] <= 0.14)
     assert f"Narrow enough: {narrow} of 4 points; the others have reached the limit of {MOST} trials" in text.stdout
     assert f"{narrow} of 4 points narrow enough" in text.stderr
-
-
-def test_a_share_has_too_few_trials_for_a_look(tmp_path) -> None:
-    with pytest.raises(EpuckSimError, match="share is 1/20; leave it out: until looks at all trials of a point"):
-        run_sweep(short_sweep(tmp_path, 20), tmp_path / "run", pool_here, share=Share(1, 20), until=Looks("10%"))
-    assert not (tmp_path / "run").exists()

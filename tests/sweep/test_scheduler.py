@@ -156,13 +156,10 @@ def test_a_kind_whose_compilation_kills_its_worker_is_compiled_ahead_once() -> N
     assert len(opens) == 2
 
 
-def test_chunks_that_end_while_others_are_stored_are_stored_together() -> None:
+def test_chunks_that_end_together_are_stored_together_and_tasks_are_made_when_they_are_handed_over() -> None:
     sizes = [len(outcomes) for outcomes in schedule(queue(100), [], opened(set(), 8))]
     assert sizes[0] == 8  # of one trial each
     assert sum(sizes) == 100
-
-
-def test_tasks_are_made_when_they_are_handed_over_not_before() -> None:
     made = []
 
     def tasks():
@@ -285,24 +282,14 @@ def test_all_workers_start_before_one_works_and_an_error_in_the_block_ends_them_
     wait_until(lambda: set(multiprocessing.active_children()) <= before)
 
 
-def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypatch, capsys) -> None:
+def test_a_cluster_without_workers_is_told_of_and_a_scheduler_that_has_answered_is_waited_for(monkeypatch, capsys):
     monkeypatch.setattr(cluster, "COUNT_S", -1)
     counts = iter([0, 0, 2, 2, 0, 0])
     slots = cluster._slots(SimpleNamespace(nthreads=lambda: {"worker": next(counts)}), "tcp://here")
     assert [slots() for _ in range(6)] == [2, 2, 4, 4, 2, 2]
     assert capsys.readouterr().err == "--dask tcp://here: the scheduler has no workers; waiting for them\n" * 2
-
-
-def test_a_scheduler_that_has_answered_is_waited_for_and_one_that_never_has_is_not(monkeypatch, capsys) -> None:
-    answers = iter([None, "client", None, None, "another"])
-
-    def connect(_: str) -> str:
-        answer = next(answers)
-        if answer is None:
-            raise ClusterError("nobody")
-        return answer
-
-    monkeypatch.setattr(cluster, "_connect", connect)
+    nobody = ClusterError("nobody")
+    monkeypatch.setattr(cluster, "_connect", Mock(side_effect=[nobody, "client", nobody, nobody, "another"]))
     monkeypatch.setattr(cluster, "LOOK_S", 0)
     asked = DaskCluster("tcp://here")
     with pytest.raises(ClusterError, match="nobody"):
@@ -347,10 +334,6 @@ def test_without_distributed_the_extra_is_named(monkeypatch) -> None:
         pass
 
 
-DOCS = Path(__file__).parents[2] / "docs" / "clusters.md"
-
-HERE = ("--host", "127.0.0.1", "--no-dashboard")
-
 JOBQUEUE = '''
 """Stands in for dask-jobqueue: its SLURMCluster starts a local process, however many are asked for."""
 from distributed import LocalCluster
@@ -371,7 +354,7 @@ def answer(_: list[Task]) -> str:
     return "done"
 
 
-def test_a_worker_with_another_version_or_controller_is_refused_in_words(tmp_path, monkeypatch) -> None:
+def test_a_worker_with_another_version_or_controller_is_refused_and_a_closed_client_is_a_loss(tmp_path, monkeypatch):
     executor = SameVersionsExecutor(Here())
     assert executor.submit(answer, [task(0)]).result() == "done"
     real = cluster.versions()
@@ -392,9 +375,6 @@ def test_a_worker_with_another_version_or_controller_is_refused_in_words(tmp_pat
     path.unlink()
     with pytest.raises(ClusterError, match="cannot run trials: no controller file"):
         executor.submit(answer, given).result()
-
-
-def test_a_client_that_is_closed_counts_as_a_lost_scheduler() -> None:
     closed = Mock(submit=Mock(side_effect=OSError("closed")))
     with pytest.raises(SchedulerGoneError, match="closed"):
         SameVersionsExecutor(closed).submit(answer, [task(0)]).result()
@@ -427,7 +407,8 @@ def test_what_was_under_way_when_all_workers_were_lost_is_run_again_and_blamed_f
 
 def cluster_process(*arguments: str | Path, folder: Path) -> subprocess.Popen:
     nowhere = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return start([sys.executable, "-m", "dask", *arguments, *HERE], cwd=folder, **nowhere)
+    here = ("--host", "127.0.0.1", "--no-dashboard")
+    return start([sys.executable, "-m", "dask", *arguments, *here], cwd=folder, **nowhere)
 
 
 @pytest.mark.slow
@@ -467,7 +448,8 @@ def is_listening(port: int) -> bool:
 
 def test_the_lines_for_dask_jobqueue_give_workers_to_a_sweep(tmp_path) -> None:
     """They run with a local cluster that stands in for SLURM."""
-    blocks = re.findall(r"```text\n(.*?)```", DOCS.read_text(), re.DOTALL)
+    docs = (Path(__file__).parents[2] / "docs" / "clusters.md").read_text()
+    blocks = re.findall(r"```text\n(.*?)```", docs, re.DOTALL)
     (block,) = (text for text in blocks if "SLURMCluster" in text)
     (tmp_path / "dask_jobqueue.py").write_text(JOBQUEUE)
     (tmp_path / "cluster.py").write_text(f"if __name__ == '__main__':\n{re.sub('^', '    ', block, flags=re.M)}")
