@@ -82,7 +82,6 @@ class Driven:
         return found["result"].get("value")
 
     def picture(self, path: Path) -> None:
-        """Write what the page shows as PNG."""
         shot = self._call("Page.captureScreenshot", captureBeyondViewport=False)
         path.write_bytes(base64.b64decode(shot["data"]))
 

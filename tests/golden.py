@@ -29,13 +29,7 @@ FILE = Path(__file__).with_suffix(".json")
 ROOT = FILE.parent.parent
 CASES: dict[str, dict[str, Any]] = yaml.load(FILE.with_name("golden_cases.yaml").read_text(), yaml.CSafeLoader)
 Felt = Callable[[Step], Iterator[np.ndarray]]
-CASE_S = 20
-CASE_CYCLES = 40
-CASE_SEEDS = range(2)
-CASE_EVENTS = 1000
-ENGINES = ("numba", "numpy", "pymunk")
 STEPS = 200
-EVENTS = 2000
 SWEEPS = {
     "robots": ["robots.0.parameters.speed_cm_s=1,5", "stop.max_cycles=30"],
     "agents": ["agents.speed_cm_s=0.1,10", "stop.max_cycles=200"],
@@ -44,7 +38,7 @@ SWEEPS = {
 
 def here() -> dict[str, str]:
     """Return the platform for which digests hold: last digits may differ on another."""
-    engines = {name: version(name) for name in ENGINES}
+    engines = {name: version(name) for name in ("numba", "numpy", "pymunk")}
     return {"machine": platform.machine(), "system": platform.system(), **engines}
 
 
@@ -60,7 +54,7 @@ def case(kind: str, name: str) -> EmbodiedScenario | ParticleScenario:
     """Return the scenario of a case of a kind, `robots` or `agents`."""
     changes = dict(CASES[kind][name])
     base = changes.pop("base")
-    limit = {"stop.max_time_s": CASE_S} if kind == "robots" else {"stop.max_cycles": CASE_CYCLES}
+    limit = {"stop.max_time_s": 20} if kind == "robots" else {"stop.max_cycles": 40}
     texts = {key: json.dumps(value).replace('"tests/', f'"{ROOT}/tests/') for key, value in (changes | limit).items()}
     return load_scenario(base, [f"{key}={text}" for key, text in texts.items()])
 
@@ -83,7 +77,7 @@ def felt_of_shipped(step: Step) -> Iterator[np.ndarray]:
 
 def happened(simulation: ParticleSimulation, *, is_case: bool) -> Iterator[np.ndarray]:
     """Yield what happens to agents in many events, and how they are after them."""
-    for event in islice(simulation, CASE_EVENTS if is_case else EVENTS):
+    for event in islice(simulation, 1000 if is_case else 2000):
         yield from (np.array([event.time_s]), event.fired, event.received)
     yield from (simulation.positions(), simulation.headings(), simulation.phases())
     if is_case:
@@ -94,7 +88,7 @@ def happened(simulation: ParticleSimulation, *, is_case: bool) -> Iterator[np.nd
 
 def endings(scenario: EmbodiedScenario | ParticleScenario) -> list[list[Any]]:
     """Return how some trials end: cycles, whether they are censored, order parameter, measures and events in short."""
-    results = [run_trial(simulate(scenario, seed)) for seed in CASE_SEEDS]
+    results = [run_trial(simulate(scenario, seed)) for seed in range(2)]
     further = [json.dumps([dict(result.measures), list(map(list, result.events))]) for result in results]
     return [
         [result.cycles, result.censored, result.order_parameter, digest([np.array(text)])]
@@ -139,14 +133,12 @@ def agents(scenario: ParticleScenario | str, *, is_case: bool) -> dict[str, Any]
 
 
 def case_values(kind: str, name: str) -> dict[str, Any]:
-    """Return the golden values of a case."""
     given = case(kind, name)
     values = robots(given, felt) if kind == "robots" else agents(given, is_case=True)
     return {**values, "trials": endings(given)}
 
 
 def scenario(name: str) -> dict[str, Any]:
-    """Return the golden values of a shipped scenario."""
     is_of_agents = load_scenario(name).model == "particles"
     return agents(name, is_case=False) if is_of_agents else robots(name, felt_of_shipped, 11)
 
@@ -186,7 +178,6 @@ def pictures(folder: Path) -> dict[str, str]:
 
 
 def main() -> None:
-    """Write the golden values of this platform."""
     with tempfile.TemporaryDirectory() as folder:
         golden = {
             "platform": here(),

@@ -92,7 +92,6 @@ def _on_boundary(corners, share):
 
 
 def _is_inside(corners, point):
-    """Whether a polygon winds round a point."""
     seen = corners - point
     bearings = np.arctan2(seen[:, 1], seen[:, 0])
     turns = np.diff(bearings, append=bearings[:1])

@@ -29,7 +29,7 @@ def shown_in(notebook: Path) -> list[dict[str, str]]:
     return [{kind: "".join(text) for each in outputs for kind, text in each["data"].items()} for outputs in run]
 
 
-def test_things_show_themselves_and_no_paths() -> None:
+def test_things_films_results_points_and_recordings_of_every_level_show_themselves_and_no_paths(tmp_path) -> None:
     shown = (formats.get("text/html", "") for formats in shown_in(NOTEBOOK))
     scenario, simulation, step, result, recording, film, of_slider, points, _ = shown
     assert "near_walls" in scenario
@@ -43,9 +43,6 @@ def test_things_show_themselves_and_no_paths() -> None:
     assert points.count("<tr>") == 6
     assert "image/png" in shown_in(NOTEBOOK)[-1]
     assert re.findall(r"/(?:home|root|tmp|work|Users)\b", NOTEBOOK.read_text()) == []
-
-
-def test_films_results_points_and_recordings_of_every_level_show_themselves(tmp_path) -> None:
     (tmp_path / "t.mp4").write_bytes(b"film")
     film = show(tmp_path / "t.mp4")._repr_html_()
     assert "<video controls" in film

@@ -88,16 +88,12 @@ def test_the_trials_of_a_table_give_the_figure(tmp_path: Path, name: str, monkey
     assert (tmp_path / "figure.csv").read_text() == (DOCS / "figures" / f"{name}.csv").read_text()
 
 
-def test_every_table_has_its_sweep_and_may_have_long_series() -> None:
+def test_every_table_has_its_sweep_and_the_paper_has_the_numbers_of_the_tables_and_is_short() -> None:
     assert set(TABLE_NAMES) <= set(sweeps())
     table = read_table("figures/neighbour-change")
     assert max(map(len, table.columns["neighbour_change"])) > 1_000_000
-
-
-def test_the_paper_has_the_numbers_of_the_tables_is_short_and_its_metadata_has_its_title() -> None:
-    """As short as ReScience C wants it."""
     text = (HERE / "paper.md").read_text(encoding="utf-8")
     assert text == write_paper(), "run `python -m docs.paper.make`"
-    assert len(text.split()) <= 2500
+    assert len(text.split()) <= 2500  # as ReScience C wants it
     metadata = yaml.safe_load((HERE / "metadata.yaml").read_text(encoding="utf-8"))
     assert text.startswith(f"# {metadata['title']}\n")

@@ -87,13 +87,6 @@ def test_arenas_and_controllers_are_inside_the_wheel_which_is_used_from_any_fold
     assert any(line.startswith("  pair  ") and "two e-pucks" in line for line in listed)
 
 
-@pytest.mark.slow
-def test_it_runs_from_any_folder(wheel: Path, tmp_path: Path) -> None:
-    """Compiled code is kept for the folder of its sources: here, all is compiled anew."""
-    ran = output_of(wheel, tmp_path, sys.executable, "-m", "epuck_sim", "run", "pair", "--json")
-    assert json.loads(ran)["t_sync_cycles"] >= 1
-
-
 def test_dir_star_import_and_help_show_the_public_names_and_no_others_and_nothing_heavy_is_loaded() -> None:
     names = set(dir(epuck_sim))
     everything: dict[str, object] = {}
@@ -108,7 +101,7 @@ def test_dir_star_import_and_help_show_the_public_names_and_no_others_and_nothin
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "[]\n"
 
 
-def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
+def test_files_are_given_as_text_or_as_paths_and_so_are_controllers_and_measures(tmp_path) -> None:
     scenario = load_scenario("thesis", ["stop.max_cycles=1", "robots.0.count=2"])
     observers = {"t.parquet": epuck_sim.Trace, "t.rrd": epuck_sim.record, "t.mp4": epuck_sim.film_trial}
     with ExitStack() as stack:
@@ -116,6 +109,10 @@ def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
         epuck_sim.run_trial(Simulation(scenario, 1), watching)
     assert {path.name for path in tmp_path.iterdir()} == set(observers)
     assert read_recording(str(tmp_path / "t.rrd")).seed == 1
+    (tmp_path / "mine.py").write_text("def mine(simulation):\n    return 1\n")
+    controller = ROOT / "controllers" / "firefly.py"
+    found = load_scenario("thesis", measures=[tmp_path / "mine.py"], controller=controller)
+    assert [measure.name for measure in found.measures] == ["mine"]
 
 
 def test_a_trial_is_not_kept_under_the_seed_of_another_one(tmp_path) -> None:
@@ -124,13 +121,6 @@ def test_a_trial_is_not_kept_under_the_seed_of_another_one(tmp_path) -> None:
         with pytest.raises(ValueError, match="for seed 1, but "), each(tmp_path / name, of, 1) as seen:
             epuck_sim.run_trial(simulate(load_scenario(of), 2), [seen])
     assert not list(tmp_path.iterdir())
-
-
-def test_controllers_and_measures_of_a_scenario_may_be_paths(tmp_path) -> None:
-    (tmp_path / "mine.py").write_text("def mine(simulation):\n    return 1\n")
-    controller = ROOT / "controllers" / "firefly.py"
-    found = load_scenario("thesis", measures=[tmp_path / "mine.py"], controller=controller)
-    assert [measure.name for measure in found.measures] == ["mine"]
 
 
 def test_a_single_text_is_no_list_of_settings() -> None:

@@ -28,7 +28,7 @@ def weigh(root: Path, files: dict[str, str]) -> int:
     return weights.main(root)
 
 
-def test_each_room_is_weighed_with_the_folders_below_it(tmp_path: Path, capsys) -> None:
+def test_each_room_is_weighed_what_is_too_heavy_is_named_and_this_tree_is_within_its_limits(tmp_path: Path, capsys):
     assert weigh(tmp_path, FILES) == 0
     printed = capsys.readouterr()
     _, *rows = [line.rsplit(maxsplit=3) for line in printed.out.splitlines()]
@@ -36,9 +36,6 @@ def test_each_room_is_weighed_with_the_folders_below_it(tmp_path: Path, capsys) 
     assert rows[2:4] == [["lines of all rooms", "4", "4", "3"], ["files of all rooms", "3", "3", "3"]]
     assert rows[4:] == [["lines of tests", "1", "1", "1"], ["words of docs", "3", "3", "2"]]
     assert printed.err == ""
-
-
-def test_what_is_too_heavy_is_named(tmp_path: Path, capsys) -> None:
     for added, *why in (
         ({"epuck_sim/__init__.py": "\n\n"}, "root: weighs 2; allowed: 1", "lines of all rooms: weighs 5; allowed: 4"),
         ({"tests/two.py": "\n", "docs/page.md": "more"}, "lines of tests: weighs 2", "words of docs: weighs 4"),
@@ -48,9 +45,6 @@ def test_what_is_too_heavy_is_named(tmp_path: Path, capsys) -> None:
         assert weigh(tmp_path / why[0], FILES | added) == 1
         for line, expected in zip(capsys.readouterr().err.splitlines(), why, strict=True):
             assert line.startswith(f"error: {expected}")
-
-
-def test_this_tree_is_within_its_limits() -> None:
     assert weights.main() == 0
 
 

@@ -175,7 +175,7 @@ def test_a_scenario_of_a_package_names_files_beside_it_and_a_folder_of_its_name_
     assert load_scenario("square").population == 3
 
 
-def test_a_name_of_two_packages_or_of_one_and_ours_is_refused_when_it_is_used_and_the_rest_works(site):
+def test_a_name_of_two_packages_or_of_one_and_ours_is_refused_and_one_of_several_measures_is_named(site):
     for package in ("night", "moon"):
         install(site, package, "controllers", "dark", f"{package}.dark", EMPTY)
     with pytest.raises(ControllerError, match=r"^'dark' is the name of two controllers: offered by \w+ and by \w+;"):
@@ -190,10 +190,8 @@ def test_a_name_of_two_packages_or_of_one_and_ours_is_refused_when_it_is_used_an
     assert said in refused("run", "pair", "--measure", "coverage")
     assert said in json.loads(called("list", "--measures", "--json"))["measures"]["coverage"]
     assert find_measure("degree").name == "degree"
-
-
-def test_of_several_measures_of_a_package_one_is_given_by_its_name_there(site):
     install(site, "sky", "measures", "sky", "sky.both", "def a(simulation): return 1\ndef b(simulation): return 2")
+    look_again()
     assert refused("run", "pair", "--measure", "sky").endswith("both.py: holds a, b; give one of them as sky:NAME\n")
     assert find_measure("sky:b").name == "b"
 
@@ -219,15 +217,13 @@ def test_an_entry_point_without_a_file_is_warned_of_once_with_its_package_and_ev
     assert call("run", "dark").stderr.startswith("note: night offers the scenario 'dark'")
 
 
-def test_a_broken_file_of_a_package_is_refused_with_its_line_where_it_is_used(site):
+def test_a_broken_file_is_refused_with_its_line_where_it_is_used_and_an_unknown_name_with_the_nearest(site):
     path = install(site, "night", "controllers", "dark", "night.dark", "\n1 / 0\n")
     assert f"{path}:2: cannot be loaded: ZeroDivisionError" in refused("run", "pair", "--controller", "dark")
     write(path, "def step(:\n")
     assert "(dark.py, line 1)" in json.loads(called("list", "--json"))["controllers"]["dark"]
-
-
-def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site):
     install(site, "night", "curves", "dusk", "night.dusk", CURVE_FILE)
+    look_again()
     known = r"response curves: dusk, .* and 2 more; or give a file that ends in \.py$"
     with pytest.raises(CurveError, match=rf"^unknown 'dask', did you mean 'dusk'\?; {known}"):
         find_curve("dask")
