@@ -201,8 +201,7 @@ def _sides(scenario: EmbodiedScenario) -> tuple[float, ...]:
 
 
 def _views(scenario: EmbodiedScenario) -> tuple[Any, ...]:
-    camera = scenario.robots[0].camera
-    return tuple(sorted({*VIEWS_DEG, camera.field_of_view_deg}))
+    return tuple(sorted({*VIEWS_DEG, scenario.robots[0].camera.field_of_view_deg}))
 
 
 def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario, counts: tuple[int, ...]) -> list[Setting]:

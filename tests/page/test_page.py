@@ -215,12 +215,19 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
     for name, changes in (("wall", []), ("thesis", ["stop.order_parameter=null", "stop.max_cycles=3"])):
         opened(name, changes).run("page.advance(1e9)")
         assert browser.run("find('banner').textContent").startswith("Ended after ")
+    browser.run("find('seed').value = ' 7 ', find('seed').onchange()")
+    assert browser.run("[find('seed').value, find('csv').disabled]") == ["7", True]
     browser.run("find('seed').value = '1x'; find('seed').onchange()")
-    assert browser.run("[find('seed').value, find('banner').textContent.slice(0, 19)]") == ["0", "A seed cannot be 1x"]
+    assert browser.run("[find('seed').value, find('banner').textContent.slice(0, 19)]") == ["7", "A seed cannot be 1x"]
     browser = opened("thesis")
     browser.run("page.change({'robots.0.count': 50, 'arena.width_cm': 30})")
     said = browser.run("page.picture(performance.now()), document.getElementById('trouble').textContent")
     assert "do not fit" in said
+    link = browser.run("location.href.split('#')[0] + '#robots.0.count=50&arena.width_cm=30'")
+    browser.leave()
+    browser.open(link)
+    seen = browser.run("find('play').click(), [find('trouble').textContent, page.swarm.count, page.place().width]")
+    assert seen == [said, 10, 60]  # what does not fit is said, beside the scenario's own swarm
     browser.run("page.change({...page.data.values}), page.advance(1)")
     assert browser.run("document.getElementById('trouble').hidden")
     browser.run("page.swarm.kernels.has_own = true; page.swarm.kernels.functions.take_steps = () => 1")
@@ -327,7 +334,7 @@ def test_rings_that_are_switched_off_are_lit_again_in_the_next_trial_and_are_nam
     press = "[...document.querySelectorAll('#one button')][1]"
     browser.run(f"page.chosen = 2; page.show_one(); {press}.click()")
     for who in (3, 2):
-        browser.run(f"page.chosen = {who}; page.draw()")
+        browser.run(f"page.chosen = {who}; page.show_one(); page.draw()")
         assert browser.run(f"{press}.textContent") == f"Switch its ring {'on' if who == 2 else 'off'}"
     browser.run("page.advance(30)")
     assert 2 not in browser.run("page.flashes.map(([, robot]) => robot)")
@@ -574,7 +581,9 @@ def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(opene
     assert [[int(row[3]), float(row[6])] for row in rows[:5]] == [[row[0], row[2]] for row in expected]
     assert browser.run("find('summary').hidden") is (worker == "")
     assert "100 trials: mean T_sync" in browser.run("find('histogram').ariaLabel")
-    browser.run("let run = page.hundred(); page.change({'response.coupling': 0.5}); run.then(() => 0)")
+    started = "find('hundred').focus(); let run = page.hundred(); page.change({'response.coupling': 0.5})"
+    assert browser.run(f"{started}; document.activeElement.id") == "stop"
+    assert browser.run("run.then(() => document.activeElement.id)") == "hundred"
     assert browser.run("find('histogram').parentElement.textContent").endswith("censored. With earlier settings.")
 
 

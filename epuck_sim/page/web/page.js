@@ -59,15 +59,19 @@ class Page {
 
   /** Begin a trial with the present values and seed. */
   begin() {
+    let swarm;
     try {
-      const swarm = this.make(this.values);
+      swarm = this.make(this.values);
       swarm.reset(this.seed);
-      this.swarm = swarm;
       find("trouble").hidden = true;
     } catch (error) {
       complain(error);
-      return this.play(false);
+      this.play(false);
+      if (this.swarm) return;
+      swarm = this.make(this.data.values); // a link brought what does not fit
+      swarm.reset(this.seed);
     }
+    this.swarm = swarm;
     this.flashes = /** @type {number[][]} */ ([]);
     this.orders = /** @type {number[][]} */ ([]);
     this.links = /** @type {Map<string, number[]>} */ (new Map());
@@ -181,10 +185,10 @@ class Page {
   }
 
   place() {
-    const { facts } = this.data, side = this.values["space.side_cm"];
+    const { facts } = this.data, { values, radii } = this.swarm, side = values["space.side_cm"]; // the page's may be refused
     if (!facts.swarms) return { width: side, height: side, floor: [], circles: [], polygons: [], lamps: [], radii: null };
     const { floor, circles, polygons, lamps } = facts;
-    return { width: this.values["arena.width_cm"], height: this.values["arena.height_cm"], floor, circles, polygons, lamps, radii: this.swarm.radii };
+    return { width: values["arena.width_cm"], height: values["arena.height_cm"], floor, circles, polygons, lamps, radii };
   }
 
   /** @returns {Shown} */
@@ -196,7 +200,7 @@ class Page {
       for (let robot = 0; robot < swarm.count; robot++) {
         const { number } = swarm.group_of(robot);
         if (sees[number] !== "camera") continue;
-        const half = ((this.values[`robots.${number}.camera.field_of_view_deg`] / 2) * Math.PI) / 180;
+        const half = ((swarm.values[`robots.${number}.camera.field_of_view_deg`] / 2) * Math.PI) / 180;
         links.push(...this.sightings(robot, half));
         if (swarm.count <= 20 || robot === chosen) cones.push({ robot, half, reach: ranges_cm[number] ?? Math.min(width, height) / 3 });
       }
@@ -222,8 +226,7 @@ class Page {
 
   /** @param {Colours} colour */
   draw_one(colour) {
-    const { swarm, chosen } = this, panel = find("one"), phase = this.seen.phases[chosen];
-    if (panel.hidden || Number(panel.dataset.who) !== chosen) this.show_one();
+    const { swarm, chosen } = this, phase = this.seen.phases[chosen];
     if (!swarm.camera) {
       find("facts").textContent = `Phase ${phase.toFixed(3)}; its pulse would now reach ${swarm.receivers(chosen).length} others.`;
       return;
@@ -243,7 +246,6 @@ class Page {
   show_one() {
     const { chosen, swarm } = this, panel = find("one");
     panel.hidden = chosen < 0;
-    panel.dataset.who = `${chosen}`;
     if (chosen < 0) return;
     const push = tag("button", "Push its phase"), dark = tag("button", "");
     const name = () => (dark.textContent = `Switch its ring ${swarm.dark?.has(chosen) ? "on" : "off"}`);
@@ -289,7 +291,8 @@ class Page {
         const mark = each.stops.indexOf(each.thesis), share = mark / Math.max(each.stops.length - 1, 1);
         if (each.thesis !== null && mark >= 0) {
           const found = tag("span", "▾", "mark");
-          found.title = `thesis: ${each.thesis} ${each.unit}`;
+          each.input.title = `thesis: ${each.thesis} ${each.unit}`;
+          found.ariaHidden = "true";
           found.style.left = `calc(${100 * share}% + ${(0.5 - share) * 16}px)`;
           track.append(found);
         }
@@ -324,7 +327,7 @@ class Page {
     this.show_keys();
   }
 
-  /** Return the settings that differ from the scenario's, as `--set` takes them. @returns {[string, any][]} */
+  /** Return the keys that differ from the scenario's, with their values; `neighbourhood` as a whole. @returns {[string, any][]} */
   changes() {
     const changed = [...this.settings.values()].filter((each) => this.applies(each) && this.values[each.key] !== each.value);
     const rule = "neighbourhood.", [own, others] = [changed.filter((each) => each.key.startsWith(rule)), changed.filter((each) => !each.key.startsWith(rule))];
@@ -333,13 +336,14 @@ class Page {
     if (this.values["arena.width_cm"] !== this.data.values["arena.width_cm"]) found.push(["arena.height_cm", this.values["arena.height_cm"]]);
     if (own.length) {
       const parts = [...this.settings.values()].filter((each) => each.key.startsWith(rule) && this.applies(each) && this.values[each.key] !== null);
-      found.push(["neighbourhood", `{${parts.map((each) => `${each.key.slice(rule.length)}: ${this.values[each.key]}`).join(", ")}}`]);
+      found.push(["neighbourhood", Object.fromEntries(parts.map((each) => [each.key.slice(rule.length), this.values[each.key]]))]);
     }
     return found;
   }
 
   get command() {
-    const sets = this.changes().map(([key, value]) => ` --set ${key === "neighbourhood" ? `'${key}=${value}'` : `${key}=${value}`}`);
+    const whole = (/** @type {any} */ value) => Object.entries(value).map(([key, each]) => `${key}: ${each}`).join(", ");
+    const sets = this.changes().map(([key, value]) => ` --set ${value instanceof Object ? `'${key}={${whole(value)}}'` : `${key}=${value}`}`);
     return `epuck-sim run ${this.data.given}${sets.join("")}${this.values.trials > 1 ? " --trials 1" : ""} --seed ${this.seed}`;
   }
 
@@ -372,7 +376,8 @@ class Page {
     const wanted = find("find").value.toLowerCase(), rows = Object.entries(this.values).filter(([key, value]) => this.applies(this.settings.get(key) ?? {}) && `${key} ${value}`.toLowerCase().includes(wanted));
     find("rows").replaceChildren(...rows.map(([key, value]) => {
       const row = tag("tr", ""), name = tag("td", ""), cell = tag("td", value === null ? "null" : typeof value === "object" ? JSON.stringify(value) : `${value}`);
-      name.append(tag("code", key));
+      name.append(tag("code", ""));
+      name.firstChild.append(...key.split(/(?<=[._])/).flatMap((part) => [part, tag("wbr", "")])); // lines break there alone
       cell.className = value === this.data.values[key] ? "" : "changed";
       row.append(name, cell);
       return row;
@@ -386,7 +391,10 @@ class Page {
     const results = points.map(() => /** @type {Result[]} */ ([])), progress = find("progress");
     let shown = 0;
     const busy = (/** @type {boolean} */ is) => {
+      const is_held = document.activeElement?.matches("#hundred, #sweep, #stop");
       Object.entries({ hundred: is, stop: !is, progress: !is, sweep: is || !this.data.speed }).forEach(([id, hidden]) => (find(id).hidden = hidden));
+      find("many").ariaBusy = `${is}`;
+      if (is_held) find(is ? "stop" : "hundred").focus();
     };
     busy(true);
     this.is_outdated = false;
@@ -395,6 +403,7 @@ class Page {
       await this.trials.run(points, count, this.seed, (done) => {
         results[done.task.point].push(done.result);
         this.results.push(done);
+        find("csv").disabled = false;
         progress.value = this.results.length / (points.length * count);
         if (performance.now() - shown > 80) [shown] = [performance.now()], show(results);
       }, () => {
@@ -493,7 +502,7 @@ class Page {
     for (const [id, what] of Object.entries(pressed)) find(id).onclick = what;
     find("find").oninput = () => this.show_keys();
     find("seed").onchange = () => {
-      const { value } = find("seed"), is_seed = /^\d{1,40}$/.test(value);
+      const value = find("seed").value.trim(), is_seed = /^\d{1,40}$/.test(value);
       if (is_seed) return this.take_seed(BigInt(value));
       this.say(`A seed cannot be ${value || "empty"}: give 1 to 40 digits`);
       find("seed").value = `${this.seed}`;
@@ -572,10 +581,7 @@ class Page {
     const found = structuredClone(this.data.nested);
     for (const [key, value] of this.changes()) {
       const parts = key.split("."), last = /** @type {string} */ (parts.pop());
-      if (key === "neighbourhood") {
-        const mine = [...this.settings.values()].filter((each) => each.key.startsWith("neighbourhood.") && this.applies(each));
-        found.neighbourhood = Object.fromEntries(mine.filter((each) => this.values[each.key] !== null).map((each) => [each.key.slice(14), this.values[each.key]]));
-      } else parts.reduce((/** @type {any} */ inner, part) => inner[part], found)[last] = value;
+      parts.reduce((/** @type {any} */ inner, part) => inner[part], found)[last] = value;
     }
     return { ...found, seed: this.seed };
   }
