@@ -31,10 +31,11 @@ def element(tag: str, *children: Node, **attributes: object) -> Element:
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[Node]], **attributes: object) -> Element:
-    """Return a table with a row of headings; cells are text or elements."""
+    """Return a table with a row of headings, in a box that scrolls, by keys, too; cells are text or elements."""
     head = element("tr", *(element("th", heading, scope="col") for heading in headings))
     body = (element("tr", *(element("td", cell) for cell in row)) for row in rows)
-    return element("table", element("thead", head), element("tbody", *body), **attributes)
+    made = element("table", element("thead", head), element("tbody", *body), **attributes)
+    return element("div", made, class_="scroll", tabindex=0)
 
 
 def facts(rows: Iterable[tuple[str, Node]]) -> Element:
@@ -113,5 +114,5 @@ def make_document(title: str, body: str) -> str:
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        f"{to_html(element('title', title))}<style>{STYLE}</style></head>\n<body>\n{body}</body></html>\n"
+        f"{to_html(element('title', title))}<style>{STYLE}</style></head>\n<body><main>\n{body}</main></body></html>\n"
     )

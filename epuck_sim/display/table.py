@@ -76,7 +76,7 @@ class Table(NamedTuple):
         """Return the table and its notes."""
         columns = _columns(self)
         rows = zip(*(column.texts for column in columns), strict=True)
-        made = element("div", html_table([column.heading for column in columns], rows), class_="scroll")
+        made = html_table([column.heading for column in columns], rows)
         return element("div", made, *[element("p", " ".join(self.notes), class_="note")] * bool(self.notes))
 
     def _repr_html_(self) -> str:
@@ -121,7 +121,7 @@ def cell_text(cell: Any) -> str:
         return "-" if math.isnan(cell) else f"{100 * cell:.0f} %"
     if isinstance(cell, AtMost):
         return f"<= {significant(cell)}"
-    if isinstance(cell, list):
+    if isinstance(cell, list | tuple) and not isinstance(cell, Estimate):
         return f"{len(cell)} values"
     return significant(cell) if isinstance(cell, float) else str(cell)
 

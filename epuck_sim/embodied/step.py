@@ -1,5 +1,6 @@
 """One control step of a simulation, as observers see it."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -122,7 +123,7 @@ class Step(NamedTuple):
             nearest_mm, wheels = self.distance_mm[robot].min(), self.wheels_cm_s[robot]
             rows.append(
                 [
-                    *(str(robot), f"{x:.1f}", f"{y:.1f}", f"{heading:.2f}"),
+                    *(str(robot), f"{x:.1f}", f"{y:.1f}", f"{math.remainder(heading, math.tau):.2f}"),
                     "-" if nearest_mm >= epuck.OUT_OF_RANGE_MM else str(nearest_mm),
                     _draw_camera(self.camera[robot]),
                     ", ".join(f"{value:.1f}" for value in wheels),

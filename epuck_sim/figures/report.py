@@ -62,7 +62,7 @@ def _sections(folder: Path | str, status: Status) -> Iterator[Node]:
         headings = ("trials", *(name.replace("_", "-") for name in PROVENANCE))
         rows = [[str(row.trials), *row.made_by.values()] for row in status.versions]
         yield element("h3", "Versions and hosts")
-        yield element("div", table(headings, rows, class_="left"), class_="scroll")
+        yield table(headings, rows, class_="left")
     for name, found in quantities.items():
         summaries = summarize(found)
         yield element("h2", summaries.label, id=f"of-{name}")
@@ -148,7 +148,7 @@ def _list_failures(folder: str, status: Status) -> Iterator[Node]:
         [element("code", f"--point {each.point} --trial {each.trial}"), str(each.seed), each.error]
         for each in status.failed[:MOST_FAILURES]
     ]
-    yield element("div", table(("trial", "seed", "message"), rows, class_="left"), class_="scroll")
+    yield table(("trial", "seed", "message"), rows, class_="left")
     if (more := len(status.failed) - MOST_FAILURES) > 0:
         yield element("p", f"There are {more} more, which ", _code(f"status {folder} --json"), " lists.")
 

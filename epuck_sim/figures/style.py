@@ -14,7 +14,7 @@ from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import AutoLocator, LogLocator, MaxNLocator, NullFormatter
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
@@ -325,7 +325,9 @@ class _LogLocator(LogLocator):
         """Return the ticks between two ends."""
         room = self.axis.get_tick_space() / 3 if _has_plain_numbers(self.axis) else SHORT
         self.set_params(subs=(1, 2, 5) if 0 < vmax <= vmin * 10**room else (1,))
-        return super().tick_values(vmin, vmax)
+        found = super().tick_values(vmin, vmax)
+        is_scale = np.count_nonzero((vmin <= found) & (found <= vmax)) > 1  # one tick alone tells nothing
+        return found if is_scale else AutoLocator().tick_values(vmin, vmax)
 
 
 def _label_tick(axis: Axis, number: float, _: int | None = None) -> str:

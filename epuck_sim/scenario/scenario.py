@@ -311,11 +311,13 @@ class Scenario(ConfigModel):
         from epuck_sim.display.html import details, element, facts, to_html  # noqa: PLC0415 is for notebooks alone
 
         stop, noun = self.stop, "robots" if self.controllers else "agents"
+        limit = f" or {stop.max_time_s:g} s" if stop.max_time_s else ""
+        reached = "" if stop.order_parameter is None else f"at an order parameter of {stop.order_parameter}, or "
         rows = [
             ("model", self.model),
             (noun, str(self.population)),
             ("trials", str(self.trials)),
-            ("ends at", f"an order parameter of {stop.order_parameter}, or after {stop.max_cycles} cycles"),
+            ("ends", f"{reached}after {stop.max_cycles} cycles{limit}"),
         ]
         rows += [("measures", ", ".join(measure.measure for measure in self.measures))] * bool(self.measures)
         if self.sweep is not None:

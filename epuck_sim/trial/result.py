@@ -146,12 +146,7 @@ class TrialResult(NamedTuple):
     def _repr_html_(self) -> str:
         """Return the result as a table, for notebooks."""
         from epuck_sim.display.html import facts, to_html  # noqa: PLC0415 is for notebooks alone
+        from epuck_sim.display.table import cell_text  # noqa: PLC0415
 
         fields = [*self._replace(measures={})._asdict().items(), *self.measures.items()]
-        return to_html(facts((name, _format(value)) for name, value in fields if name != "measures"))
-
-
-def _format(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return f"{len(value)} values"
-    return "-" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
+        return to_html(facts((name, cell_text(value)) for name, value in fields if name != "measures"))

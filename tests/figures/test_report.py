@@ -64,6 +64,7 @@ def html(folder) -> str:
 
 
 def test_it_has_the_numbers_of_summarize_and_says_what_was_run_and_how_to_run_trials_again(folder, html) -> None:
+    assert html.count('<div class="scroll" tabindex="0"><table') == html.count("<thead>") > 1  # keys scroll them
     cell = r"<t[dh][^>]*>(?:<code>)?(.*?)(?:</code>)?</t[dh]>"
     rows = [re.findall(cell, row) for row in re.findall(r"<tr>(.*?)</tr>", html, re.DOTALL)]
     for point in summarize(read_points(folder)):
