@@ -271,6 +271,7 @@ def test_the_reference_has_every_key_every_command_and_all_that_is_shipped(monke
         for section, inner in load_scenario({"model": model}).model_dump().items():
             names = [f"{section}.{key}" for key in inner] if isinstance(inner, dict) else [section]
             assert [name for name in names if f"`{name}" not in keys] == []
+    assert "| |" not in keys  # a column without a heading
     assert {"robots.N.camera.latency_ms", "arena.obstacles.N.radius_cm", "stop.when.relation"} <= words(keys)
     commands = words(import_module("command_line").write_commands())
     assert get_command(app).commands.keys() | {"--measure", "--statistic", "--threshold-ms"} <= commands

@@ -26,7 +26,7 @@ def _write_parameters(parameters: list[Any]) -> Iterator[str]:
         yield f"**{panel}**" if panel else ""
         shown = [each for each in parameters if (each.rich_help_panel or "") == panel]
         rows = [f"| {_write_name(each)} | {_in_markdown(each.help or '')} |" for each in shown]
-        yield "\n".join(["| | |", "| --- | --- |", *rows])
+        yield "\n".join(["| option | meaning |", "| --- | --- |", *rows])
 
 
 def _write_name(parameter: Any) -> str:

@@ -66,7 +66,7 @@ def _sections_in(value: Schema) -> list[str]:
 
 
 def _write_table(section: Schema, prefix: str, rows: Mapping[str, Schema]) -> str:
-    lines = ["| key | value | default | |", "| --- | --- | --- | --- |"]
+    lines = ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
     for name, value in rows.items():
         is_required = name in section.get("required", ())
         default = "required" if is_required else f"`{_in_yaml(value.get('default', {}))}`"

@@ -145,7 +145,7 @@ def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str)
     # measures added since are not compared: stored trials are run again for them
     for name, measure in json.loads(point.measures).items():
         if name not in measures:
-            yield f"results of the measure {name}, which is missing {other}; give another folder"
+            yield f"results of the measure {name}, which is missing {other}; give it again, or another folder"
         shipped = measure["measure"]
         defaults = find_measure(shipped).parameters if shipped in SHIPPED else {}  # of parameters that were added since
         for difference in _differences({**defaults, **measure}, measures[name], other):

@@ -36,7 +36,8 @@ SETTLE_S = 0.5  # time in seconds after which, if several processes take a lease
 def database_of(folder: Path | str) -> Path:
     """Return the run folder's database; raise StoreError if there is none."""
     if not (Path(folder) / DATABASE).is_file():
-        raise StoreError(f"{folder}: is not a run folder: there is no {DATABASE} in it")
+        lacks = f"there is no {DATABASE} in it" if Path(folder).is_dir() else "there is no such folder"
+        raise StoreError(f"{folder}: is not a run folder: {lacks}")
     return Path(folder) / DATABASE
 
 

@@ -313,12 +313,8 @@ class Scenario(ConfigModel):
         stop, noun = self.stop, "robots" if self.controllers else "agents"
         limit = f" or {stop.max_time_s:g} s" if stop.max_time_s else ""
         reached = "" if stop.order_parameter is None else f"at an order parameter of {stop.order_parameter}, or "
-        rows = [
-            ("model", self.model),
-            (noun, str(self.population)),
-            ("trials", str(self.trials)),
-            ("ends", f"{reached}after {stop.max_cycles} cycles{limit}"),
-        ]
+        rows = [("model", self.model), (noun, str(self.population)), ("trials", str(self.trials))]
+        rows += [("ends", f"{reached}after {stop.max_cycles} cycles{limit}")]
         rows += [("measures", ", ".join(measure.measure for measure in self.measures))] * bool(self.measures)
         if self.sweep is not None:
             rows += [("sweep", f"{counted(self.sweep.point_count, 'point')} over {', '.join(self.swept)}")]

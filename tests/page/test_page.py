@@ -216,9 +216,9 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
         opened(name, changes).run("page.advance(1e9)")
         assert browser.run("find('banner').textContent").startswith("Ended after ")
     browser.run("find('seed').value = ' 7 ', find('seed').onchange()")
-    assert browser.run("[find('seed').value, find('csv').disabled]") == ["7", True]
     browser.run("find('seed').value = '1x'; find('seed').onchange()")
-    assert browser.run("[find('seed').value, find('banner').textContent.slice(0, 19)]") == ["7", "A seed cannot be 1x"]
+    seen = browser.run("[find('seed').value, find('csv').disabled, find('banner').textContent.slice(0, 19)]")
+    assert seen == ["7", True, "A seed cannot be 1x"]
     browser = opened("thesis")
     browser.run("page.change({'robots.0.count': 50, 'arena.width_cm': 30})")
     said = browser.run("page.picture(performance.now()), document.getElementById('trouble').textContent")
@@ -259,6 +259,8 @@ def test_a_link_brings_values_and_seed_back_and_a_command_runs_one_trial(opened)
     browser.leave()
     browser.open(link)
     assert browser.run("page.command") == command
+    bare = "new Promise((done) => { onhashchange = () => done(String(page.seed)); location.hash = 'agents.count=25' })"
+    assert browser.run(f"page.take_seed(7n), {bare}") == "0"  # the scenario's
     copied = "globalThis.copied = ''; page.copy = (text) => { copied = text }; find('link').click(); copied"
     browser.run("for (let each = 0; each < 300; each++) page.take_seed(page.seed + 1n)")  # more than an address takes
     assert "#seed=300&" in browser.run(copied)
@@ -581,9 +583,9 @@ def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(opene
     assert [[int(row[3]), float(row[6])] for row in rows[:5]] == [[row[0], row[2]] for row in expected]
     assert browser.run("find('summary').hidden") is (worker == "")
     assert "100 trials: mean T_sync" in browser.run("find('histogram').ariaLabel")
-    started = "find('hundred').focus(); let run = page.hundred(); page.change({'response.coupling': 0.5})"
-    assert browser.run(f"{started}; document.activeElement.id") == "stop"
-    assert browser.run("run.then(() => document.activeElement.id)") == "hundred"
+    browser.run("find('hundred').focus(); var run = page.hundred(); page.change({'response.coupling': 0.5})")
+    focus = "document.activeElement.id"
+    assert browser.run(f"(async () => [{focus}, await run, {focus}])()") == ["stop", None, "hundred"]
     assert browser.run("find('histogram').parentElement.textContent").endswith("censored. With earlier settings.")
 
 

@@ -104,7 +104,7 @@ def test_a_folder_is_refused_to_other_measures_but_not_if_one_has_got_a_paramete
     fill(folder, counting, [])
     other = refusal(folder, otherwise)
     assert "another measure Counter; give another folder: offset: 1 in the folder, 2 now" in other
-    assert "holds results of the measure Counter, which is missing now" in refusal(folder, scenario())
+    assert "holds results of the measure Counter, which is missing now; give it again" in refusal(folder, scenario())
     found = points(counting)
     with Store(folder, counting, found) as store:
         write(own, mine.read_text() + "\n# edited\n")

@@ -41,8 +41,6 @@ class Page {
     this.is_playing = false;
     this.rate = 1;
     this.chosen = -1;
-    this.values = { ...data.values };
-    this.seed = BigInt(data.seed);
     this.read_address();
     this.show_settings();
     this.show_keys();
@@ -347,7 +345,10 @@ class Page {
     return `epuck-sim run ${this.data.given}${sets.join("")}${this.values.trials > 1 ? " --trials 1" : ""} --seed ${this.seed}`;
   }
 
+  /** Take the scenario's seed and values, and those that the address changes. */
   read_address() {
+    this.seed = BigInt(this.data.seed);
+    this.values = { ...this.data.values };
     for (const [key, text] of new URLSearchParams(location.hash.slice(1))) {
       const setting = this.settings.get(key), value = setting?.stops.find((/** @type {any} */ stop) => `${stop}` === text);
       if (key === "seed" && /^\d{1,40}$/.test(text)) this.seed = BigInt(text);
@@ -518,7 +519,6 @@ class Page {
     window.addEventListener("resize", again);
     window.addEventListener("error", ({ error, message }) => (complain(error ?? message), this.play(false)));
     window.addEventListener("hashchange", () => {
-      this.values = { ...this.data.values };
       this.read_address();
       this.change({});
     });
