@@ -326,8 +326,8 @@ class _LogLocator(LogLocator):
         room = self.axis.get_tick_space() / 3 if _has_plain_numbers(self.axis) else SHORT
         self.set_params(subs=(1, 2, 5) if 0 < vmax <= vmin * 10**room else (1,))
         found = super().tick_values(vmin, vmax)
-        is_scale = np.count_nonzero((vmin <= found) & (found <= vmax)) > 1  # one tick alone tells nothing
-        return found if is_scale else AutoLocator().tick_values(vmin, vmax)
+        shown = [tick for tick in found if vmin <= tick <= vmax]
+        return found if len(shown) > 1 else AutoLocator().tick_values(vmin, vmax)  # one tick alone tells nothing
 
 
 def _label_tick(axis: Axis, number: float, _: int | None = None) -> str:
