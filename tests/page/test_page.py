@@ -219,6 +219,8 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
     browser.run("find('seed').value = '1x'; find('seed').onchange()")
     seen = browser.run("[find('seed').value, find('csv').disabled, find('banner').textContent.slice(0, 19)]")
     assert seen == ["7", True, "A seed cannot be 1x"]
+    shown = "getComputedStyle(find('many').parentElement).visibility"  # without JavaScript, nothing is ever ready
+    assert browser.run(f"[delete document.documentElement.dataset.ready, {shown}]") == [True, "hidden"]
     browser = opened("thesis")
     browser.run("page.change({'robots.0.count': 50, 'arena.width_cm': 30})")
     said = browser.run("page.picture(performance.now()), document.getElementById('trouble').textContent")

@@ -449,10 +449,10 @@ class Page {
     const points = stops.map((/** @type {number} */ speed) => ({ ...this.values, [key]: speed, "stop.max_cycles": limit }));
     await this.run(points, 30, (results) => {
       const curve = stops.map((/** @type {number} */ speed, /** @type {number} */ each) => ({ speed, censored: countCensored(results[each]), ...estimate(results[each], limit, this.data.student) }));
-      this.caption("curve", `${this.results.length} of ${30 * stops.length} trials, 30 at each speed, censored after ${limit} cycles${max_time_s === null ? "" : ` or ${max_time_s} s`}; bars are 95 % intervals. Hollow: some are censored, and the mean is restricted to that limit; crosses: all are.`);
+      this.caption("curve", `${this.results.length} of ${30 * stops.length} trials, 30 at each speed, censored after ${limit} cycles${max_time_s === null ? "" : ` or ${max_time_s} s`}; bars are 95 % intervals. Hollow: some are censored, and the mean is restricted to that limit; crosses: all are. Grey band: the present speed.`);
       this.recurve = () => drawCurve(new CanvasPen(find("curve")), curve, this.values[key], colours());
       this.recurve();
-      const table = curve.map((/** @type {any} */ each) => `<tr><td class="number">${each.speed}</td><td class="number">${each.mean ? rounded(each.mean) : "–"}</td><td>${each.low ? `${rounded(each.low)} to ${rounded(each.high)}` : "–"}</td><td class="number">${each.censored}</td></tr>`);
+      const table = curve.map((/** @type {any} */ each) => `<tr><td>${each.speed}</td><td>${each.mean ? rounded(each.mean) : "–"}</td><td>${each.low ? `${rounded(each.low)} to ${rounded(each.high)}` : "–"}</td><td>${each.censored}</td></tr>`);
       find("table").innerHTML = `<table><thead><tr><th scope="col">cm/s</th><th scope="col">mean T_sync, cycles</th><th scope="col">95 % interval</th><th scope="col">censored</th></tr></thead><tbody>${table.join("")}</tbody></table>`;
       find("table").hidden = false;
     });
