@@ -213,12 +213,13 @@ def give_start(arrays: Arrays, scenario: ParticleScenario) -> None:
     if given.headings is not None:
         scene.has_headings = True
         headings = np.array(given.headings).T
+        _, exponents = np.frexp(np.abs(headings).max(axis=0))
+        headings = np.ldexp(headings, -exponents)  # so that squares neither overflow nor vanish
         arrays.heading[:] = headings / np.linalg.norm(headings, axis=0)
     if given.phases != "random":
         scene.has_phases = True
-        phases = np.zeros(scene.agents)
-        phases[0] = given.displacement
-        arrays.phases_now[:] = phases if given.phases == "synchronised" else np.array(given.phases)
+        arrays.phases_now[:] = 0.0 if given.phases == "synchronised" else np.array(given.phases)
+        arrays.phases_now[0] += given.displacement
         arrays.next_firing[:] = 1 - arrays.phases_now
     if scenario.agents.speed_distribution == "fixed":
         arrays.speed[:] = scenario.agents.speed_cm_s * scenario.clocks.period_s

@@ -41,7 +41,7 @@ def make_endless(scenario: ParticleScenario, seed: int) -> ParticleSimulation:
     return ParticleSimulation(scenario.model_copy(update={"stop": stop, "measures": ()}), seed)
 
 
-def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray) -> TwinComparison:
+def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray | list[float]) -> TwinComparison:
     """Simulate a trial and its undisturbed twin of the same seed, and compare them at times, (times,) s, ascending.
 
     Agents of both start at the same positions and move alike, unless motion is coupled to pulses (D.1). Both trials
@@ -52,12 +52,13 @@ def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray
         ValueError: The times are not ascending.
     """
     simulations = (make_endless(scenario, seed), make_twin(scenario, seed))
-    phases = np.empty((2, len(time_s), scenario.agents.count))
-    for index, time in enumerate(time_s.tolist()):
+    times = np.asarray(time_s, np.float64)
+    phases = np.empty((2, len(times), scenario.agents.count))
+    for index, time in enumerate(times.tolist()):
         for simulation, its_phases in zip(simulations, phases, strict=True):
             simulation.run_to(time)
             its_phases[index] = simulation.phases()
-    return TwinComparison(time_s, METRICS["complex"](phases[0], 1.0), deviations(*phases))
+    return TwinComparison(times, METRICS["complex"](phases[0], 1.0), deviations(*phases))
 
 
 def deviations(phases: FloatArray, of_twin: FloatArray) -> FloatArray:

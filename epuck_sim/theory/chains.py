@@ -36,7 +36,7 @@ TABLE = 20_001  # number of phases from 0 to 1 at which a response curve is tabu
 SIMULTANEOUS = 1e-12  # cycles within which firings are at one instant, as in the models
 
 SMALL = 1e-4  # lead and lag, in cycles, that count as small
-GRID = (np.arange(400) + 0.5) / 400  # phases from which a pair is followed
+GRID = (np.arange(400) + 0.5) / 400  # phases of the other of a pair when the first one fires: as likely as large
 MOST_FIRINGS = 20_000  # firings of a pair after which it counts as one that never synchronises
 
 
@@ -46,7 +46,7 @@ class Pair(NamedTuple):
     lead: float  # ln of the factor by which a small lead, of one that has just fired, grows at a pulse
     lag: float  # the same for a small lag, of one that is about to fire; minus infinity where the pulse makes it fire
     growth: float
-    """ln of the factor by which 1 - r of a pair near synchrony changes in a cycle, in which each receives a pulse."""
+    """ln of the factor by which 1 - r of a pair near synchrony changes at a pulse, on average of a lead and a lag."""
     cycles: float  # mean T_sync from random phases, in cycles; infinite where some phases never synchronise
 
 
@@ -66,7 +66,7 @@ def measure_pair(response: Response, threshold: float) -> Pair:
         phases[apart] = 1 - met  # phase of the next to fire, at the other's firing; applied twice, thesis eq. 5.2
     else:
         firings[:] = math.inf
-    return Pair(_log(lead / SMALL), _log(lag / SMALL), _log(square), float(firings.mean()) / 2)
+    return Pair(_log(lead / SMALL), _log(lag / SMALL), _log(square), float(np.average(firings, weights=GRID)) / 2)
 
 
 def _log(factor: float) -> float:

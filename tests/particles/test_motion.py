@@ -46,7 +46,8 @@ def test_what_is_given_takes_the_place_of_what_is_drawn_and_all_else_stays(dimen
     drawn = make_simulation(7, **scene)
     other = make_simulation(8, **scene)
     states = {"phases": "phases", "positions_cm": "positions", "headings": "headings"}
-    start = {part: (getattr(other, states[part])() * (3 if part == "headings" else 1)).tolist()}  # of any length
+    lengths = np.array([[3.0], [1e300], [1e-200], [1.0]]) if part == "headings" else 1
+    start = {part: (getattr(other, states[part])() * lengths).tolist()}
     given = make_simulation(7, start=start, **scene)
     for key, method in states.items():
         expected = getattr(other if key == part else drawn, method)()

@@ -221,7 +221,7 @@ def test_with_jitter_deviations_grow_with_the_error_of_the_periods_and_wrap_at_h
 
 def test_the_order_parameter_is_that_of_all_phases_at_each_time():
     given = {"clocks": {"jitter": 0.01}, "stop": {"metric": "reference"}, "agents": {"count": 7, "speed_cm_s": 20}}
-    found = compare(5, MIDDLES + 0.123, **given)
+    found = compare(5, (MIDDLES + 0.123).tolist(), **given)
     swarm = make_simulation(5, **given)
     for time, order in zip(MIDDLES + 0.123, found.order_parameter, strict=True):
         swarm.run_to(time)

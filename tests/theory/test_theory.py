@@ -134,9 +134,9 @@ def test_pairs_grow_and_meet_as_their_curve_says() -> None:
     sawtooth = measure_pair(Response(1, 0.1, 0.0), 0.99)
     assert (sawtooth.lead, sawtooth.lag) == (pytest.approx(math.log(0.9)), pytest.approx(math.log(0.9)))
     assert sawtooth.growth == pytest.approx(2 * math.log(0.9))
-    settings = ["agents.count=2", "agents.speed_cm_s=0", "neighbourhood={kind: all}"]
-    mean, error = simulated(settings, 300)
-    assert pair.cycles == pytest.approx(mean, abs=3 * error + 0.5)
+    settings = ["count=2", "speed_cm_s=0", "neighbourhood={kind: all}", "coupling=0.3", "refractory=0.3"]
+    mean, error = simulated(settings, 1000)
+    assert measure_pair(Response(0, 0.3, 0.3), THRESHOLD).cycles == pytest.approx(mean, abs=3 * error)
     assert measure_pair(Response(0, 0.0, 0.0), THRESHOLD).cycles == math.inf
 
 
