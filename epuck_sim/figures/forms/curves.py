@@ -57,11 +57,7 @@ SPEEDS = 60  # number of speeds at which a curve is predicted
 DASHES: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7, "zorder": 1.5}
 """Looks of predictions, which lie under the results of trials."""
 
-PLACE: dict[str, Any] = {
-    "markerfacecolor": "white",
-    "markersize": 5,
-    "linewidth": 0.7,
-}  # looks of predicted V_m and V_p
+PLACE: dict[str, Any] = {"markerfacecolor": "white", "markersize": 5, "linewidth": 0.7}  # of predicted V_m and V_p
 EDGE = 0.04  # length of the marks of the limits at the edges of a panel, as a share of its width
 
 CELLS = ("regime", "probability", "v_m", "v_p", "t_frozen", "frozen_share", "t_fast")  # cells of predictions' table
