@@ -34,7 +34,8 @@ def test_the_percentile_counts_trials_with_smaller_values_and_beyond_the_end_of_
     assert compared(math.inf, [1, 2, math.inf, math.inf]).percentile == 75
     rounded = compared(5 + 1e-15, [5.0, 5.0, 5 + 2e-15])
     assert rounded.percentile == 50
-    panel, *_ = draw_comparison([rounded]).axes
+    panel, other, *_ = draw_comparison([rounded, compared(2.0, [1.0, 3.0, math.inf])]).axes
+    assert other.get_title("left").splitlines() == ["1 trial beyond the film's end", "film at 33 %"]
     assert (panel.get_xlabel(), panel.get_yticks().tolist()) == (r"$T_\mathrm{sync}$ (cycles)", [0, 1, 2, 3, 4])
     assert math.isnan(compared(math.nan, [1, 2]).percentile)
     assert math.isnan(compared(1.0, [math.nan]).percentile)
