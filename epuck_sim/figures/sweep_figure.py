@@ -95,6 +95,7 @@ def read_form(
         raise EpuckSimError(f"results are a list of {kinds}; allowed: run folders, or points of one folder")
     if points and (names or where or of not in (None, points[0].of)):
         raise EpuckSimError("names, where and of are for run folders; for points, give read_points(folder, of=NAME)")
+    where = [where] if isinstance(where, str) else where
     points = points or _read_folders(folders, of, where, names)
     folder = str(folders[0]) if folders else "the scenario"
     rows, scenario = [point.axes for point in points], points[0].scenario

@@ -120,7 +120,7 @@ def each_point(folder: Path | str, of: str | None = None, where: Sequence[str] |
         any_events = connection.execute("SELECT 1 FROM trials WHERE events IS NOT NULL LIMIT 1").fetchone()
         found = connection.execute("SELECT axes, key, number, scenario FROM points ORDER BY number").fetchall()
         stored = [(json.loads(axes), *others) for axes, *others in found]
-        for text in where or ():
+        for text in [where] if isinstance(where, str) else where or ():
             with refused_at(str(folder)):
                 stored = _having(stored, text)
         for axes, key, number, scenario in stored:

@@ -166,11 +166,13 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
     assert "the unit of way differs: cm, mm; give folders with one unit" in refused("compare", *folders, "--of", "way")
     (tmp_path / "mm/mine.py").unlink()
     assert figures.plot(folders[1], of="way").axes[0].get_ylabel() == "way"
+    assert read_form(folders[1], {}, "way", where="speed_cm_s=0.5,5").ties == ["only points with speed_cm_s=0.5,5"]
 
 
 def test_what_does_not_fit_is_refused_in_words() -> None:
     for draw, message in [
         (lambda: figures.plot(POINTS, form="violins", ax=Figure().subplots()), "has 2 panels, but ax is 1 Axes"),
+        (lambda: figures.plot(POINTS, ax=()), "has 1 panel, but ax is 0 Axes"),
         (lambda: figures.plot(iter(())), "there is nothing to draw; give a run folder, or points of one"),
         (lambda: figures.plot([POINTS[0], "folder"]), "a list of PointTrials, str; allowed: run folders, or points"),
         (lambda: figures.plot([3]), "results are a list of int; allowed: run folders"),

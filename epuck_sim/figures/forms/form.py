@@ -18,6 +18,7 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, distinguishing_axes, numeric_axes
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.statistic import measure, measure_unit, quantity
+from epuck_sim.util.messages import counted
 
 MAX_DOTS = 1000  # largest number of trials at a point that an SVG holds as dots; more of them are a picture in it
 
@@ -100,8 +101,8 @@ class Form(ABC):
         """Draw into given Axes, and label them; raise EpuckSimError if they are not as many as the form has panels."""
         if len(panels) != len(self.titles):
             raise EpuckSimError(
-                f"the figure has {len(self.titles)} panels, but ax is {len(panels)} Axes: give as many, or points with "
-                "one value of the other axes"
+                f"the figure has {counted(len(self.titles), 'panel')}, but ax is {len(panels)} Axes: give as many, or "
+                "points with one value of the other axes"
             )
         self.draw(panels)
         heights = [self.labels[1]] * len(panels) if len(self.labels) == 2 else self.labels[1:]
