@@ -172,7 +172,9 @@ def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
             stamps, found = loaded.get(place, ([], None))
             if found is None or stamps != _stamps(found):
                 found = load(place)
-                loaded[place] = _stamps(found), found
+                stamps = _stamps(found)
+                # an edit while it was loaded may be older than the stamps: then they count for nothing
+                loaded[place] = stamps if _is_as_loaded(found) else [], found
             return found
 
     return load_if_new
@@ -180,6 +182,10 @@ def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
 
 def _stamps(loaded: HasSources) -> list[int]:
     return [source.stat().st_mtime_ns for source in loaded.sources if source.exists()]
+
+
+def _is_as_loaded(loaded: HasSources) -> bool:
+    return all(source.read_bytes() == contents for source, contents in loaded.sources.items() if source.exists())
 
 
 class PythonFile(NamedTuple):
@@ -328,14 +334,18 @@ def typed(name: str, given: object, default: _Parameter) -> _Parameter:
     """Return `given`, which may be one of numpy's numbers, converted to the default's type."""
     given = given.item() if isinstance(given, np.generic) else given
     kind, allowed = next((kind, allowed) for kind, allowed in _ALLOWED.items() if isinstance(default, kind))
-    if kind in (bool, str) or isinstance(given, bool) or not isinstance(given, int | float):
-        fits = kind in (bool, str) and isinstance(given, kind)
+    is_number = isinstance(given, int | float) and not isinstance(given, bool)
+    if kind is float:
+        fits = is_number and abs(given) <= sys.float_info.max
+    elif kind is int:
+        fits = is_number and abs(given) < MAX_WHOLE and given == int(given)
+        allowed = f"{allowed}, like its default, {default}"
+        if is_number and abs(given) >= MAX_WHOLE:
+            allowed = f"{allowed}, above -2^53 and below 2^53"
     else:
-        fits = abs(given) <= sys.float_info.max if kind is float else abs(given) < MAX_WHOLE and given == int(given)
+        fits = isinstance(given, kind)
     if not fits:
-        is_large = isinstance(given, int | float) and abs(given) >= MAX_WHOLE
-        why = f", like its default, {default}{', above -2^53 and below 2^53' * is_large}" * (kind is int)
-        raise ValueError(f"{name} is {short_repr(given)}; allowed: {allowed}{why}")
+        raise ValueError(f"{name} is {short_repr(given)}; allowed: {allowed}")
     return cast("_Parameter", kind(given))
 
 

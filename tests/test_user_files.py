@@ -237,3 +237,9 @@ def test_threads_load_files_one_at_a_time(tmp_path):
     with ThreadPoolExecutor(4) as threads:
         found = list(threads.map(lambda path: load_scenario("pair", measures=[path]), paths))
     assert [each.name for scenario in found for each in scenario.measures] == [path.stem for path in paths]
+
+
+def test_an_edit_while_a_file_is_loaded_is_noticed_at_the_next_look(tmp_path):
+    path, new = tmp_path / "late.py", "def late(simulation): 'new'"
+    path.write_text(f"from pathlib import Path\n\nPath(__file__).write_text({new!r})\n\n{new.replace('new', 'old')}\n")
+    assert [find_measure(str(path)).make.__doc__ for _ in range(2)] == ["old", "new"]

@@ -24,22 +24,22 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import PointTrials, read_points, read_status
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import merge, without_quick
-from epuck_sim.scenario.loader import find_scenario, from_keys, points
+from epuck_sim.scenario.loader import from_keys, points, read_keys
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.statistics.sequential import look_boundary, relative_sizes
 
 
 def sweep_scenario(claims: Claims, name: str) -> Scenario:
     """Return the scenario of a sweep; raise EpuckSimError if it cannot be run, or brings code that is not trusted."""
     asked = claims.sweeps[name]
-    path = find_scenario(asked.scenario)
-    given = without_quick(read_yaml(path))
-    given.pop("figure", None)  # it is about axes that the sweep may no longer have
-    if "points" in (asked.keys.get("sweep") or {}):
-        given.pop("sweep", None)  # points are of this sweep's own axes
+    own = asked.keys.get("sweep")
     with refused_at(f"sweep {name}"):
-        return from_keys({**merge({**given, "seed": claims.seed}, asked.keys), "name": name}, "scenario", path.parent)
+        given, _, folder = read_keys(asked.scenario)
+        given = without_quick(given)
+        given.pop("figure", None)  # it is about axes that the sweep may no longer have
+        if isinstance(own, Mapping) and "points" in own:
+            given.pop("sweep", None)  # points are of this sweep's own axes
+        return from_keys({**merge({**given, "seed": claims.seed}, asked.keys), "name": name}, "scenario", folder)
 
 
 def sweep_folder(folder: Path, name: str) -> Path:

@@ -183,7 +183,8 @@ def with_trials(sources: Mapping[str, bytes], trials: int) -> dict[str, bytes]:
     """Return a run folder's files, with the scenario's number of trials raised to `trials` if it is lower."""
     before = sources.get(RUN_SCENARIO, b"")
     keys = parse_yaml(before.decode("utf-8", "replace"), RUN_SCENARIO)
-    if not isinstance(keys, dict) or keys.get("trials", trials) >= trials:
+    has_fewer = isinstance(keys, dict) and isinstance(keys.get("trials"), int) and keys["trials"] < trials
+    if not has_fewer:  # nor if a user has written something else there
         return dict(sources)
     after = write_yaml({**keys, "trials": trials}).encode()
     line, new_line = (_sums({RUN_SCENARIO: each}) for each in (before, after))

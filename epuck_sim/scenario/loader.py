@@ -118,7 +118,7 @@ def load_scenario(
     for name, texts, kind in (("settings", settings, str), ("axes", axes, str), ("measures", measures, str | Path)):
         if isinstance(texts, str | Path | Mapping) or not all(isinstance(each, kind) for each in texts):
             raise ScenarioError(f"{name} is {texts!r}; allowed: a list of such texts")
-    given, origin, folder = _read(source)
+    given, origin, folder = read_keys(source)
     given = _choose_version(given, origin, folder, quick=quick)
     if controller is not None:
         given = keys.note_changes(replace_controllers(given, str(controller), origin), [f"controller={controller}"])
@@ -275,7 +275,7 @@ def _dotted(value: Any, *parts: str) -> Iterator[tuple[Any, Any]]:
         yield from (pair for part in parts for pair in _dotted(value.get(part))) if parts else value.items()
 
 
-def _read(source: ScenarioLike) -> tuple[dict[str, Any], str, Path | None]:
+def read_keys(source: ScenarioLike) -> tuple[dict[str, Any], str, Path | None]:
     """Return the keys of a scenario, the origin for messages about it, and the folder of its file."""
     if isinstance(source, Scenario):
         return source.model_dump(mode="json"), source.name, None

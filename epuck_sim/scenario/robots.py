@@ -297,7 +297,7 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
     field = controller.memory[name]
     try:
         values = np.asarray(given, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.full(1, np.nan)
     is_whole = np.issubdtype(field.base, np.integer)
     number = "a whole number" if is_whole else "a number"

@@ -13,7 +13,7 @@ from epuck_sim.errors import StoreError
 from epuck_sim.runs.compatibility import Share, merge_folders
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import FinishedTrials, read_status, verify
-from epuck_sim.runs.sources import is_trusted
+from epuck_sim.runs.sources import is_trusted, with_trials
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario, points
 from epuck_sim.scenario.scenario import Scenario
@@ -113,6 +113,8 @@ def test_a_sweep_that_has_grown_meanwhile_is_as_large_as_its_largest_share_of_ea
     merge_folders([fill_share(tmp_path / "small", Share(1, 2)), large], tmp_path / "merged")
     assert read_status(tmp_path / "merged").trials == 6 * 9
     assert load_scenario(tmp_path / "merged").trials == 9
+    edited = {"scenario.yaml": b"trials: many"}
+    assert with_trials(edited, 9) == edited
     measured = load_scenario(MANY.model_copy(update={"trials": 7}), measures=["near_walls"])
     more = fill_share(tmp_path / "more", Share(1, 2), MANY.model_copy(update={"trials": 9}))
     merge_folders([more, fill_share(tmp_path / "measured", Share(2, 2), measured)], tmp_path / "both")
