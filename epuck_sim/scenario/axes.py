@@ -97,7 +97,8 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
     if requested is not None:
         if requested not in numbers:
             said = f"{requested} is not numeric" if requested in rows[0] else unknown_axis(requested, numbers)
-            raise EpuckSimError(f"{origin}: {said}; axes{' with numbers' * (not by_name)}: {comma_list(numbers)}")
+            kind = "axes" if by_name else "axes with numbers"
+            raise EpuckSimError(f"{origin}: {said}; {kind}: {comma_list(numbers)}")
         return requested
     if not numbers:
         names = "; for names: plot --form violins" if rows[0] else ""
@@ -180,9 +181,9 @@ def texts_of_values(rows: Rows, key: str, values: Sequence[Any], origin: str) ->
     known = {canonical_text({key: row[key]}): row[key] for row in rows}
     for value, text in zip(values, texts, strict=True):
         if text not in known:
-            values_known = comma_list([*map(short_yaml, known.values())][:MOST_NAMED])
-            values_known += f" and {len(known) - MOST_NAMED} more" * (len(known) > MOST_NAMED)
-            raise EpuckSimError(f"{origin}: {key} is never {short_yaml(value)}; its values: {values_known}")
+            named = comma_list([*map(short_yaml, known.values())][:MOST_NAMED])
+            more = f" and {len(known) - MOST_NAMED} more" if len(known) > MOST_NAMED else ""
+            raise EpuckSimError(f"{origin}: {key} is never {short_yaml(value)}; its values: {named}{more}")
     return texts
 
 

@@ -5,7 +5,7 @@ Throughout `scenario`, every line of an error message begins with an `origin`, a
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, get_args
@@ -133,21 +133,31 @@ def keys_of(classes: Sequence[type[ConfigModel]], value: Any, folder: Path | Non
     """Yield all dotted keys in a value: a section of one of these classes, several of them, or, without any, others."""
     if isinstance(value, ConfigModel):
         classes, value = [type(value)], vars(value)
-    if isinstance(value, list | tuple) if classes else isinstance(value, Mapping):
-        for name, each in value.items() if isinstance(value, Mapping) else enumerate(value):
-            yield str(name)
-            yield from (f"{name}.{key}" for key in keys_of(classes, each, folder))
-    elif classes:
-        given = value if isinstance(value, Mapping) else {}
-        section = next((each for each in classes if given.get(tagged(each)[0]) in tagged(each)[1]), classes[0])
-        fields = section.model_fields.items()
-        defaults = {name: field.get_default(call_default_factory=True) for name, field in fields}
-        values = {name: default if given.get(name) is None else given[name] for name, default in defaults.items()}
-        own = section.keys_in_files(values, folder)
-        for name, field in fields:
-            yield name
-            inner = () if values[name] is None else keys_of(section_classes(field.annotation), values[name], folder)
-            yield from (f"{name}.{key}" for key in dict.fromkeys([*inner, *own.get(name, ())]))
+    parts: Iterable[tuple[Any, Any]] = ()
+    if not classes:
+        parts = value.items() if isinstance(value, Mapping) else ()
+    elif isinstance(value, list | tuple):
+        parts = enumerate(value)
+    else:
+        yield from _keys_of_section(classes, value if isinstance(value, Mapping) else {}, folder)
+        return
+    for name, part in parts:
+        yield str(name)
+        yield from (f"{name}.{key}" for key in keys_of(classes, part, folder))
+
+
+def _keys_of_section(
+    classes: Sequence[type[ConfigModel]], given: Mapping[str, Any], folder: Path | None
+) -> Iterator[str]:
+    section = next((each for each in classes if given.get(tagged(each)[0]) in tagged(each)[1]), classes[0])
+    fields = section.model_fields.items()
+    defaults = {name: field.get_default(call_default_factory=True) for name, field in fields}
+    values = {name: default if given.get(name) is None else given[name] for name, default in defaults.items()}
+    own = section.keys_in_files(values, folder)
+    for name, field in fields:
+        yield name
+        inner = () if values[name] is None else keys_of(section_classes(field.annotation), values[name], folder)
+        yield from (f"{name}.{key}" for key in dict.fromkeys([*inner, *own.get(name, ())]))
 
 
 def ends_in(key: str, ending: str) -> bool:
@@ -216,7 +226,6 @@ def problems_in(
 
 
 def _owner(path: Sequence[str], kinds: Sequence[type[ConfigModel]]) -> str | None:
-    """Return the model of the first of these classes of scenarios that has a key at this path; None without any."""
     have = [kind for kind in kinds if any(path[-1] in section.model_fields for section in _place(path, kind)[1])]
     return next((model for kind in have for model in get_args(kind.model_fields["model"].annotation)), None)
 

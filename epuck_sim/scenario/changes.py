@@ -178,11 +178,16 @@ class Displacement(ConfigModel):
     by_cycles: Annotated[Number, Field(ge=-LARGEST, le=LARGEST)] | Literal["random"]
     """Displacement of each phase, in cycles; or `random`, for phases drawn uniformly instead."""
 
+    @property
+    def whom(self) -> Sequence[int] | None:
+        """Numbers of the robots or agents whose phases are displaced; None for all."""
+        return getattr(self, "agents", None) or getattr(self, "robots", None)
+
     def __str__(self) -> str:
         """Return the displacement in words."""
-        (members,) = (value for key, value in self if key != "by_cycles")
-        whose = "all phases" if members is None else f"phases of {', '.join(map(str, members))}"
-        return f"{whose} {self.by_cycles if isinstance(self.by_cycles, str) else f'by {self.by_cycles:g} cycles'}"
+        whose = "all phases" if self.whom is None else f"phases of {', '.join(map(str, self.whom))}"
+        by = self.by_cycles if isinstance(self.by_cycles, str) else f"by {self.by_cycles:g} cycles"
+        return f"{whose} {by}"
 
 
 class AgentDisplacement(Displacement):
@@ -249,10 +254,6 @@ class ScheduleEntry(ConfigModel):
         begin = [f"faults.{number} begins" for number in self.begin]
         return [*changes, *begin, *(f"faults.{number} ends" for number in self.end)]
 
-    def numbers(self) -> dict[str, Sequence[int]]:
-        """Return the numbers of robots or agents that it names, by key."""
-        return {f"displace.{key}": value or () for key, value in self.displace or () if key != "by_cycles"}
-
 
 def check_changes(
     faults: Sequence[FaultSection], schedule: Sequence[ScheduleEntry], noun: str, population: int
@@ -269,8 +270,10 @@ def check_changes(
         none = f", or 0: a smaller share of {most} {noun}s is no {noun}"
         check_range(f"{where}.share", fault.share or None, 0.5 / most, 1, none)
     for place, entry in enumerate(schedule):
-        for key, numbers in entry.numbers().items():
-            for number in numbers:
+        displaced = entry.displace.whom if entry.displace else None
+        moved = {key: getattr(entry, key, None) for key in ("remove", "add")}  # which entries of agents lack
+        for key, numbers in {f"displace.{noun}s": displaced, **moved}.items():
+            for number in numbers or ():
                 check_range(f"schedule.{place}.{key}", number, 0, population - 1)
         for key in ("begin", "end"):
             for number in getattr(entry, key):
@@ -291,10 +294,8 @@ def notes_on_faults(
             found.append(f"faults.{number} never begins: no entry of the schedule begins it")
         may_freeze = fault.kind == "oscillator_frozen" and 0 not in (fault.count, fault.share)
         if may_freeze and reference in (fault.whom or (reference,)):
-            found.append(
-                f"faults.{number} may freeze {noun} {reference}, the reference: then no cycles are counted; give the "
-                f"numbers of others in {noun}s, of which count and share are drawn"
-            )
+            said = f"faults.{number} may freeze {noun} {reference}, the reference: then no cycles are counted"
+            found.append(f"{said}; give the numbers of others in {noun}s, of which count and share are drawn")
     return found
 
 
@@ -356,10 +357,6 @@ class RobotScheduleEntry(ScheduleEntry):
         moved = (("removes", self.remove), ("adds", self.add))
         in_words = (f"{verb} {', '.join(map(str, robots))}" for verb, robots in moved if robots)
         return [*super().in_words(), *in_words]
-
-    def numbers(self) -> dict[str, Sequence[int]]:
-        """Return the numbers of robots that it names, by key."""
-        return {**super().numbers(), "remove": self.remove, "add": self.add}
 
     def parameters(self) -> dict[tuple[int, str | None], dict[str, Any]]:
         """Return new values of parameters by name, for each group number and sensor; None is the controller."""

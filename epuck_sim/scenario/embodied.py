@@ -4,6 +4,7 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -52,9 +53,8 @@ class TimingSection(ConfigModel):
 
     def _check_together(self) -> None:
         if 1000 % self.control_hz:
-            raise ValueError(
-                f"control_hz is {self.control_hz}; a control step must be whole milliseconds: give a divisor of 1000"
-            )
+            said = "a control step must be whole milliseconds: give a divisor of 1000"
+            raise ValueError(f"control_hz is {self.control_hz}; {said}")
         if self.physics_hz % self.control_hz:
             raise ValueError(f"physics_hz is {self.physics_hz}; allowed: a multiple of control_hz, {self.control_hz}")
 
@@ -179,10 +179,8 @@ class EmbodiedScenario(Scenario):
         self._check_faults()
         self._check_schedule()
         if not self.present[reference]:
-            raise ValueError(
-                f"stop.reference_robot is {reference}, which is not present at the start; allowed: a robot of a group "
-                "with present: true, as its firings are counted"
-            )
+            said = f"stop.reference_robot is {reference}, which is not present at the start"
+            raise ValueError(f"{said}; allowed: a robot of a group with present: true, as its firings are counted")
         check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
         tags = self.overhead.tags
         if tags is not None and self.robot_count > int(tags.partition("_")[2]):
@@ -196,10 +194,8 @@ class EmbodiedScenario(Scenario):
                 raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
             for place, group, robots in members(self.robots):
                 if fault.changes == "flashes" and group.signal.kind == "radio" and concerns(fault.robots, robots):
-                    raise ValueError(
-                        f"{where}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
-                        "give the numbers of others in robots, or robots.*.signal.loss"
-                    )
+                    said = f"kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio"
+                    raise ValueError(f"{where}: {said}; give the numbers of others in robots, or robots.*.signal.loss")
                 is_named = fault.robots is not None and concerns(fault.robots, robots)
                 if isinstance(fault, SensorDead) and is_named and fault.sensor not in group.sensors:
                     raise ValueError(f"{where}: names robots of robots.{place}, which has no sensor {fault.sensor}")
@@ -211,10 +207,8 @@ class EmbodiedScenario(Scenario):
             for group, _ in entry.parameters():
                 check_range(f"{origin}.set: the number of a group", group, 0, len(self.robots) - 1)
             if reference in entry.remove:
-                raise ValueError(
-                    f"{origin}.remove: {reference} is the reference, whose firings are counted, and must stay; remove "
-                    "others, or give another stop.reference_robot"
-                )
+                said = f"{reference} is the reference, whose firings are counted, and must stay"
+                raise ValueError(f"{origin}.remove: {said}; remove others, or give another stop.reference_robot")
 
     @property
     def robot_count(self) -> int:
@@ -270,20 +264,16 @@ class EmbodiedScenario(Scenario):
         is_limited = stop.order_parameter is None or "max_time_s" in stop.model_fields_set
         if not is_limited and not self._may_have_t_sync():
             ends = f"{stop.max_cycles} cycles of 5 s" if limit_s is None else f"{limit_s:g} simulated seconds"
-            found.append(
-                f"robot {stop.reference_robot} is no oscillator, so trials have no T_sync; they end after {ends}; "
-                "for another limit: --set stop.max_time_s=3600"
-            )
+            said = f"robot {stop.reference_robot} is no oscillator, so trials have no T_sync; they end after {ends}"
+            found.append(f"{said}; for another limit: --set stop.max_time_s=3600")
         awaited = {} if self._may_have_t_sync() else self.conditions
         never = f"never holds: order is measured at firings of robot {stop.reference_robot}, which is no oscillator"
         found += [f"{key} {never}" for key, (each, _) in awaited.items() if each.measure == ORDER_PARAMETER]
         for number, group in enumerate(() if self.sweep else self.robots):
             least, most = group.parameters.get("flash_pixels", 0), group.camera.central_pixels or group.pixels
             if least > most:
-                found.append(
-                    f"robots.{number}.parameters.flash_pixels is {least:g}, but signal {group.signal.kind} shows "
-                    f"{most} at most: these robots see no flash"
-                )
+                shown = f"signal {group.signal.kind} shows {most} at most: these robots see no flash"
+                found.append(f"robots.{number}.parameters.flash_pixels is {least:g}, but {shown}")
         moved = {robot for entry in self.schedule for robot in entry.remove}
         for number, entry in enumerate(self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
@@ -324,7 +314,8 @@ class EmbodiedScenario(Scenario):
             robots.append(resolve_group(group, self.timing.step_ms, where, folder, controller_is_swept=is_swept))
         check_readings([group.sensors for group in robots], origin)
         found = self.model_copy(update={"robots": tuple(robots)})
-        found._check_controllers(origin)
+        found._check_oscillators(origin)
+        found._check_set_parameters(origin)
         floor, stop = self.arena.floor, self.stop
         with refused_at(f"{origin}: arena.floor.picture"):
             picture = floor.picture and find_picture(floor.picture, folder)
@@ -335,31 +326,35 @@ class EmbodiedScenario(Scenario):
         found = super(EmbodiedScenario, found).resolved(origin, folder)
         for number, section in enumerate(found.measures if found.members_change else ()):
             if not section.find().sources and section.measure not in OF_PRESENT:
-                raise ScenarioError(
-                    f"{origin}: measures.{number}: {section.measure} assumes that all robots are in the arena, but "
-                    f"some come or go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
-                )
+                said = f"{section.measure} assumes that all robots are in the arena, but some come or go"
+                allowed = f"{', '.join(OF_PRESENT)}, and measures of your own"
+                raise ScenarioError(f"{origin}: measures.{number}: {said}; allowed: {allowed}")
         if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in self.swept):
             found._check_arenas(f"{origin}: schedule")
         return found
 
-    def _check_controllers(self, origin: str) -> None:
-        """Raise ScenarioError if controllers do not have the phases or parameters that faults and a schedule change.
+    def _knows_controller(self, place: int) -> bool:
+        return f"robots.{place}.controller" not in self.swept  # else it is known at each point
 
-        Nothing is known yet of groups whose controller is swept; all others have all their parameters.
-        """
-        known = [place for place in range(len(self.robots)) if f"robots.{place}.controller" not in self.swept]
-        kinds = ((f"faults.{number}", fault) for number, fault in enumerate(self.faults) if fault.changes == "phase")
-        displaced = ((number, entry.displace) for number, entry in enumerate(self.schedule) if entry.displace)
-        of_phases = [(f"{where}: kind is {fault.kind!r}, but", fault.robots) for where, fault in kinds]
-        of_phases += [(f"schedule.{number}.displace:", displace.robots) for number, displace in displaced]
+    def _check_oscillators(self, origin: str) -> None:
+        """Raise ScenarioError if faults or a schedule change phases of robots that have none."""
+        changes: list[tuple[str, Sequence[int] | None]] = []
+        for number, fault in enumerate(self.faults):
+            if fault.changes == "phase":
+                changes.append((f"faults.{number}: kind is {fault.kind!r}, but", fault.robots))
+        for number, entry in enumerate(self.schedule):
+            if entry.displace:
+                changes.append((f"schedule.{number}.displace:", entry.displace.robots))
         for place, group, robots in members(self.robots):
-            concerning = [said for said, whom in of_phases if concerns(whom, robots)]
-            if concerning and place in known and not (controller := find_controller(group.controller)).is_oscillator:
-                raise ScenarioError(
-                    f"{origin}: {concerning[0]} robots.{place} are no oscillators: their controller is "
-                    f"{controller.name}; give the numbers of others in robots"
-                )
+            said = next((said for said, whom in changes if concerns(whom, robots)), None)
+            if said and self._knows_controller(place):
+                controller = find_controller(group.controller)
+                if not controller.is_oscillator:
+                    why = f"robots.{place} are no oscillators: their controller is {controller.name}"
+                    raise ScenarioError(f"{origin}: {said} {why}; give the numbers of others in robots")
+
+    def _check_set_parameters(self, origin: str) -> None:
+        """Raise ScenarioError if a schedule sets parameters that controllers or sensors do not have, or refuse."""
         at_first = [group.parameters for group in self.robots]
         timed = list(at_first)  # after the entries with a time, which come one after the other
         for number, entry in sorted(enumerate(self.schedule), key=lambda numbered: numbered[1].at_s or 0.0):
@@ -368,7 +363,7 @@ class EmbodiedScenario(Scenario):
                 group, where = self.robots[place], f"{origin}: schedule.{number}.set: robots.{place}"
                 if sensor is not None:
                     sensor_parameters(group.sensors, sensor, values, f"{where}.sensors")
-                elif place in known:
+                elif self._knows_controller(place):
                     present[place] = {**present[place], **values}
                     resolve_parameters(find_controller(group.controller), present[place], self.timing.step_ms, where)
 

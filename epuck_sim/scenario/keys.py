@@ -70,10 +70,8 @@ def set_value(
 ) -> dict[str, Any]:
     """Return the mapping `given`, of a file in a folder, with `value` at a dotted key."""
     if re.fullmatch(r"robot\.kind|robots\.\d+\.kind\.kind", key):
-        raise ScenarioError(
-            f"{origin}: another kind of robot has other values for all keys; give {key.removesuffix('.kind')}={value} "
-            "instead"
-        )
+        instead = f"{key.removesuffix('.kind')}={value}"
+        raise ScenarioError(f"{origin}: another kind of robot has other values for all keys; give {instead} instead")
     if key == "sensors":  # of all robots
         groups = given.get("robots") or [{}]
         if are_groups(groups):

@@ -179,7 +179,7 @@ def find_like(name: str, folder: Path | None) -> str:
     return str(find_scenario(name).resolve()) if Path(name).suffix else name
 
 
-FILES: Mapping[str, Callable[[str, Path | None], str]] = {
+FILE_FINDERS: Mapping[str, Callable[[str, Path | None], str]] = {
     r"robots\.\d+\.controller": lambda name, folder: find_controller(name, folder).stored_name,
     r"(robots\.\d+\.)?sensors\.\w+(\.file)?": lambda name, folder: find_sensor(name, folder).stored_name,
     r"(robot|robots\.\d+\.kind)(\.kind)?": lambda name, folder: ROBOT.locate(name, folder).name,
@@ -192,7 +192,7 @@ FILES: Mapping[str, Callable[[str, Path | None], str]] = {
 
 
 def _finder(key: str) -> Callable[[str, Path | None], str] | None:
-    return next((find for pattern, find in FILES.items() if re.fullmatch(pattern, key)), None)
+    return next((find for pattern, find in FILE_FINDERS.items() if re.fullmatch(pattern, key)), None)
 
 
 def _map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
@@ -247,7 +247,6 @@ def _full_keys(
 
 
 def _with_controllers(given: Mapping[str, Any], axes: Iterable[tuple[Any, Any]]) -> Iterator[Mapping[str, Any]]:
-    """Yield a scenario's keys, and the same keys with each controller that is a value of an axis."""
     yield given
     groups = given.get("robots") or [{}]
     known = [f"robots.{number}.controller" for number in range(len(groups))] if are_groups(groups) else []
@@ -302,7 +301,6 @@ def _plain(value: Any) -> Any:
 
 
 def _choose_version(given: Mapping[str, Any], origin: str, folder: Path | None, *, quick: bool) -> dict[str, Any]:
-    """Return a file's scenario in one of its versions; an invalid quick version is refused in any case."""
     if quick:
         return keys.quick_version(given, origin)
     if given.get(keys.QUICK) is not None:

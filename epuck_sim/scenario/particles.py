@@ -222,10 +222,9 @@ class AgentsSection(ConfigModel):
         if self.speed_per_run:  # from a table of a thousand speeds
             check_range("fast_share", self.fast_share, 0.001, 0.999, ", where speed_per_run is true")
         if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
-            raise ValueError(
-                f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
-                f"{self.speed_distribution!r}; speed_per_run needs runs that end, and speeds that differ"
-            )
+            walk, speeds = self.walk.kind, self.speed_distribution
+            said = f"speed_per_run is true, walk.kind is {walk!r} and speed_distribution is {speeds!r}"
+            raise ValueError(f"{said}; speed_per_run needs runs that end, and speeds that differ")
 
 
 class Nearest(ConfigModel):
@@ -274,7 +273,6 @@ Neighbourhood = Nearest | Range | Cone | Everybody | RandomAgents
 
 
 def _check_phases(given: Any) -> Any:
-    """Return a name, or one phase for each agent as a tuple."""
     if given in ("random", "synchronised"):
         return given
     is_list = isinstance(given, list | tuple) and not any(isinstance(phase, bool) for phase in given)
@@ -398,20 +396,16 @@ class ParticleScenario(Scenario):
         check_range("stop.reference", self.stop.reference, 0, others)
         for number, entry in enumerate(self.schedule):
             if self.agents.speed_per_run and "agents.speed_cm_s" in entry.set:
-                raise ValueError(
-                    f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true; leave "
-                    "one of them out"
-                )
+                said = "agents.speed_cm_s cannot change where agents.speed_per_run is true"
+                raise ValueError(f"schedule.{number}.set: {said}; leave one of them out")
         check_changes(self.faults, self.schedule, "agent", self.agents.count)
         for number, fault in enumerate(self.faults):
             if fault.kind in NOT_OF_AGENTS:
                 why = NOT_OF_AGENTS[fault.kind]
                 raise ValueError(f"faults.{number}: kind {fault.kind!r} has no meaning for agents: {why}")
             if fault.kind == "wheels_dead" and self.agents.speed_per_run:
-                raise ValueError(
-                    f"faults.{number}: agents whose wheels are dead draw no speeds, but agents.speed_per_run is true; "
-                    "leave one of them out"
-                )
+                said = "agents whose wheels are dead draw no speeds, but agents.speed_per_run is true"
+                raise ValueError(f"faults.{number}: {said}; leave one of them out")
 
     @property
     def notes(self) -> list[str]:
@@ -419,10 +413,8 @@ class ParticleScenario(Scenario):
         found = [*super().notes, *notes_on_faults(self.faults, self.schedule, "agent", self.stop.reference)]
         jitter, threshold = self.clocks.jitter, self.stop.order_parameter
         if threshold is not None and jitter and threshold > 1 - jitter**2:
-            found.append(
-                f"clocks.jitter is {jitter:g}: agents whose periods differ may never reach an order parameter of "
-                f"{threshold:.12g}; for a lower one: --set stop.order_parameter=0.95"
-            )
+            said = f"agents whose periods differ may never reach an order parameter of {threshold:.12g}"
+            found.append(f"clocks.jitter is {jitter:g}: {said}; for a lower one: --set stop.order_parameter=0.95")
         return found
 
     def check_twin(self) -> None:

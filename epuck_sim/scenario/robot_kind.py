@@ -31,7 +31,7 @@ FILE = "file"  # key of a sensor's file; others are its parameters
 _ALLOWED = "allowed: a list of files, such as [ground.py, {light.py: {range_cm: 30}}]"
 
 
-def by_name(given: Any) -> dict[str, dict[str, Any]]:
+def sensors_by_name(given: Any) -> dict[str, dict[str, Any]]:
     """Return a group's sensors by their names, each with its file and its parameters."""
     if not isinstance(given, Mapping | list | tuple):
         raise ValueError(f"is {short_yaml(given)}; {_ALLOWED}")  # noqa: TRY004 pydantic gathers ValueErrors
@@ -141,7 +141,7 @@ def _load(place: Place) -> RobotFile:
         raise ScenarioError("\n".join(said)) from error
     folder = place.path.parent
     with refused_at(f"{folder}: sensors"):
-        sensors = by_name(given.get("sensors") or [])
+        sensors = sensors_by_name(given.get("sensors") or [])
     for sensor in sensors.values():
         if (folder / sensor[FILE]).is_file():
             sensor[FILE] = str(folder / sensor[FILE])
@@ -155,7 +155,7 @@ def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> d
     """
     if given.get("model", "embodied") != "embodied":
         return dict(given)
-    robot, of_robot = _located(given.get("robot"), f"{origin}: robot.kind", folder)
+    robot, of_robot = _with_file(given.get("robot"), f"{origin}: robot.kind", folder)
     found = {**given, "robot": robot} if "robot" in given else dict(given)
     for_all, groups = found.pop("sensors", None), given.get("robots", [{}])
     if not are_groups(groups):
@@ -164,19 +164,19 @@ def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> d
         raise ScenarioError(f"{origin}: sensors: each group of robots has sensors of its own; leave sensors out")
     found["robots"] = []
     for number, group in enumerate(groups):
-        kind, brought = _located(group.get("kind"), f"{origin}: robots.{number}.kind", folder)
+        kind, brought = _with_file(group.get("kind"), f"{origin}: robots.{number}.kind", folder)
         where, sensors = f"{origin}: sensors", of_robot if kind is None else brought
         if "sensors" in group:
             where, sensors = f"{origin}: robots.{number}.sensors", group["sensors"] or {}
         elif for_all is not None:
             sensors = for_all
         with refused_at(where):
-            named = by_name(sensors)
+            named = sensors_by_name(sensors)
         found["robots"].append({**group, **({} if kind is None else {"kind": kind}), "sensors": named})
     return found
 
 
-def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[str, Any]]:
+def _with_file(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[str, Any]]:
     """Return a section `robot` with the path of its file, and the sensors that the file brings."""
     section = as_section(robot)
     if not _needs_file(section):
@@ -310,4 +310,4 @@ def cell_cm(kinds: Sequence[RobotKind]) -> float:
     return max(3 * largest_cm, *(kind.ray_reach_cm for kind in kinds)) + largest_cm
 
 
-EPUCK = RobotKind.model_construct()  # the e-puck
+EPUCK = RobotKind.model_construct()

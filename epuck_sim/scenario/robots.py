@@ -18,7 +18,7 @@ from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
-from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensor
+from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, resolve_sensor, sensors_by_name
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
 
@@ -104,10 +104,8 @@ class CameraSection(ConfigModel):
     def _check_together(self) -> None:
         central = self.pixels if self.central_pixels is None else self.central_pixels
         if central > self.pixels or (self.pixels - central) % 2:
-            raise ValueError(
-                f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of 2, so that "
-                "they lie in the middle of the row"
-            )
+            allowed = f"{2 - self.pixels % 2} to {self.pixels} in steps of 2, so that they lie in the middle of the row"
+            raise ValueError(f"central_pixels is {central}; allowed: {allowed}")
         if self.range_cm is not None:
             why = " (range_cm): no mirror image is seen farther than the ring itself"
             check_range("reflection_range_cm", self.reflection_range_cm, 0, self.range_cm, why)
@@ -115,9 +113,8 @@ class CameraSection(ConfigModel):
             why = f", the time in ms from one picture to the next at {self.frames_per_s:g} frames_per_s"
             check_range("latency_ms", self.latency_ms, 0, 1000 / self.frames_per_s, why)
         elif self.latency_ms > 0:
-            raise ValueError(
-                f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give frames_per_s, or leave latency_ms out"
-            )
+            said = f"latency_ms is {self.latency_ms:g}, frames_per_s is null"
+            raise ValueError(f"{said}; give frames_per_s, or leave latency_ms out")
 
 
 class InfraredSection(ConfigModel):
@@ -156,7 +153,7 @@ class RobotGroup(ConfigModel):
     signal: SignalSection = CameraSignal.model_construct()
     camera: CameraSection = CameraSection.model_construct()
     infrared: InfraredSection = InfraredSection.model_construct()
-    sensors: Annotated[dict[str, dict[str, Any]], BeforeValidator(by_name)] = Field(default_factory=dict)
+    sensors: Annotated[dict[str, dict[str, Any]], BeforeValidator(sensors_by_name)] = Field(default_factory=dict)
     """Sensors in files of their own, each with its parameters: `[ground.py, {light.py: {range_cm: 30}}]`."""
 
     @classmethod
@@ -232,15 +229,13 @@ def check_robots(
         why = f" at timing.physics_hz {physics_hz}; faster robots need a higher one, or they overlap"
         check_range(f"{section}.wheel_limit_cm_s", kind.wheel_limit_cm_s, 0, STEP_CM * physics_hz, why)
         if kind.camera is None and group.signal.kind in ("camera", "enki_camera"):
-            raise ValueError(
-                f"robots.{number}.signal.kind is {group.signal.kind!r}, but the robot {kind.kind!r} has no camera; "
-                "allowed: cone or radio, as in signal: {kind: radio, range_cm: 10}"
-            )
+            said = f"is {group.signal.kind!r}, but the robot {kind.kind!r} has no camera"
+            allowed = "cone or radio, as in signal: {kind: radio, range_cm: 10}"
+            raise ValueError(f"robots.{number}.signal.kind {said}; allowed: {allowed}")
         if group.placement == "grid" and 2 * kind.radius_cm > GRID_SPACING_CM:
-            raise ValueError(
-                f"robots.{number}.placement is 'grid', whose points are {GRID_SPACING_CM:g} cm apart, and robots "
-                f"are {2 * kind.radius_cm:g} cm wide; allowed: random or poses"
-            )
+            said = f"is 'grid', whose points are {GRID_SPACING_CM:g} cm apart"
+            wide = f"robots are {2 * kind.radius_cm:g} cm wide"
+            raise ValueError(f"robots.{number}.placement {said}, and {wide}; allowed: random or poses")
 
 
 def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaSection) -> None:
@@ -283,14 +278,12 @@ def resolve_parameters(
     with refused_at(f"{origin}.parameters"):
         parameters = controller.resolve(given)
         if controller.is_oscillator and parameters["period_s"] * 1000 <= step_ms:
-            raise ValueError(
-                f"period_s is {parameters['period_s']}; allowed: longer than a control step, {step_ms / 1000:g} s"
-            )
+            allowed = f"longer than a control step, {step_ms / 1000:g} s"
+            raise ValueError(f"period_s is {parameters['period_s']}; allowed: {allowed}")
     return parameters
 
 
 def _check_memory(controller: Controller, name: str, given: Any, robots: int, parameters: Mapping[str, Value]) -> None:
-    """Raise ValueError if a value of memory given for the start does not fit the controller's memory."""
     known = list(controller.memory.names or ())
     if name not in known:
         raise ValueError(f"{did_you_mean(name, known)}; {controller.name} has {comma_list(known)}")
@@ -349,7 +342,6 @@ def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]
 
 
 def _own_names(controller: Controller) -> dict[str, set[str]]:
-    """Return the names that a controller has in each section of a group where it has its own."""
     return {"parameters": set(controller.parameters), "memory": set(controller.memory.names or ())}
 
 

@@ -121,17 +121,16 @@ class MeasureSection(ConfigModel):
             return {"measure": given, "parameters": {}}
         if not isinstance(given, dict):
             raise ValueError(ONE_MEASURE)  # noqa: TRY004 pydantic gathers ValueErrors
-        if len(given) == 1:
-            ((name, parameters),) = given.items()
-            if isinstance(name, str) and (parameters is None or isinstance(parameters, dict)):
-                others = dict(parameters or {})
-                shown_as = others.pop(AS, None)
-                if shown_as is not None and not (isinstance(shown_as, str) and re.fullmatch(r"[\w-]+", shown_as)):
-                    raise ValueError(f"{AS} is {short_yaml(shown_as)}; allowed: letters, digits, _ and -")
-                if shown_as == "T_sync":
-                    raise ValueError(f"{AS} is {shown_as!r}, which every trial has; allowed: other names")
-                return {"measure": name, "parameters": others, "shown_as": shown_as}
-        raise ValueError(f"is {short_yaml(given)}; allowed: {ONE_MEASURE}")
+        name, parameters = next(iter(given.items()), (None, None))
+        if len(given) != 1 or not isinstance(name, str) or not isinstance(parameters, dict | None):
+            raise ValueError(f"is {short_yaml(given)}; allowed: {ONE_MEASURE}")
+        others = dict(parameters or {})
+        shown_as = others.pop(AS, None)
+        if shown_as is not None and not (isinstance(shown_as, str) and re.fullmatch(r"[\w-]+", shown_as)):
+            raise ValueError(f"{AS} is {short_yaml(shown_as)}; allowed: letters, digits, _ and -")
+        if shown_as == "T_sync":
+            raise ValueError(f"{AS} is {shown_as!r}, which every trial has; allowed: other names")
+        return {"measure": name, "parameters": others, "shown_as": shown_as}
 
     @property
     def name(self) -> str:
@@ -258,9 +257,11 @@ class Scenario(ConfigModel):
             for number, each in enumerate(getattr(self, key, ())):
                 for name, moment in (("max_time_s", each.at_s), ("max_cycles", getattr(each, "at_cycle", None))):
                     end = getattr(self.stop, name)
-                    is_last = moment == end and name == "max_time_s" and not self.controllers  # agents still change
-                    if None not in (moment, end) and moment >= end and not is_last:
-                        found.append(f"{key}.{number} never begins: trials are over then, as stop.{name} is {end:g}")
+                    if moment is None or end is None or moment < end:
+                        continue
+                    if moment == end and name == "max_time_s" and not self.controllers:  # agents still change then
+                        continue
+                    found.append(f"{key}.{number} never begins: trials are over then, as stop.{name} is {end:g}")
         return found
 
     @property
@@ -313,9 +314,14 @@ class Scenario(ConfigModel):
         stop, noun = self.stop, "robots" if self.controllers else "agents"
         limit = f" or {stop.max_time_s:g} s" if stop.max_time_s else ""
         reached = "" if stop.order_parameter is None else f"at an order parameter of {stop.order_parameter}, or "
-        rows = [("model", self.model), (noun, str(self.population)), ("trials", str(self.trials))]
-        rows += [("ends", f"{reached}after {stop.max_cycles} cycles{limit}")]
-        rows += [("measures", ", ".join(measure.measure for measure in self.measures))] * bool(self.measures)
+        rows = [
+            ("model", self.model),
+            (noun, str(self.population)),
+            ("trials", str(self.trials)),
+            ("ends", f"{reached}after {stop.max_cycles} cycles{limit}"),
+        ]
+        if self.measures:
+            rows.append(("measures", ", ".join(measure.measure for measure in self.measures)))
         if self.sweep is not None:
             rows += [("sweep", f"{counted(self.sweep.point_count, 'point')} over {', '.join(self.swept)}")]
         return to_html(

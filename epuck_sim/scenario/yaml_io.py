@@ -91,7 +91,6 @@ def parse_yaml(text: str, source: str) -> Any:
 
 
 def _check_document(root: yaml.Node, source: str) -> None:
-    """Raise ScenarioError for a document that has too many values, contains itself, or gives a key twice."""
     sizes: dict[int, int] = {}  # number of values in each node; 0 while they are counted
 
     def size(node: yaml.Node) -> int:
