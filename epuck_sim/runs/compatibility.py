@@ -120,39 +120,38 @@ def check_same_sweep(
     """
     now = {point.key: point for point in given}
     for point in stored:
-        for conflict in _conflicts(point, now, other):
-            raise StoreError(f"{folder}: holds {conflict}")
+        _check_point(f"{folder}: holds", point, now, other)
 
 
-def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str) -> Iterator[str]:
-    """Yield reasons why a stored point is not of a sweep with these points, by key; do not resume after the first."""
+def _check_point(origin: str, point: StoredPoint, given: Mapping[str, StoredPoint], other: str) -> None:
     axes = [list(json.loads(each.axes)) for each in (point, next(iter(given.values())))]
     if set(axes[0]) != set(axes[1]):
         both = " and ".join(", ".join(each) or "none" for each in axes)
-        yield f"another sweep; axes in the folder and {other}: {both}; give another folder"
-    if not point.trials:
-        return  # none has been run
+        raise StoreError(f"{origin} another sweep; axes in the folder and {other}: {both}; give another folder")
+    if not point.trials:  # none has been run
+        return
     if point.key not in given:
-        yield f"a point that this sweep lacks: {point.key}; add it, or give another folder"
+        raise StoreError(f"{origin} a point that this sweep lacks: {point.key}; add it, or give another folder")
     now = given[point.key]
-    is_same = (point.scenario, point.controllers) == (now.scenario, now.controllers)  # looking closer takes 2 ms
-    before, after = ({} if is_same else dict(_flat("", _with_effect(each))) for each in (point, now))
-    if differences := _differences(before, after, other):
-        more = ["..."] if len(differences) > MOST_SHOWN else []
-        lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
-        yield f"results of another scenario; give another folder:\n  {lines}"
+    if (point.scenario, point.controllers) != (now.scenario, now.controllers):  # looking closer takes 2 ms
+        before, after = (dict(_flat("", _keys_with_effect(each))) for each in (point, now))
+        if differences := _differences(before, after, other):
+            more = ["..."] if len(differences) > MOST_SHOWN else []
+            lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
+            raise StoreError(f"{origin} results of another scenario; give another folder:\n  {lines}")
     measures = json.loads(now.measures)
     # measures added since are not compared: stored trials are run again for them
     for name, measure in json.loads(point.measures).items():
         if name not in measures:
-            yield f"results of the measure {name}, which is missing {other}; give it again, or another folder"
+            said = f"results of the measure {name}, which is missing {other}; give it again, or another folder"
+            raise StoreError(f"{origin} {said}")
         shipped = measure["measure"]
         defaults = find_measure(shipped).parameters if shipped in SHIPPED else {}  # of parameters that were added since
-        for difference in _differences({**defaults, **measure}, measures[name], other):
-            yield f"results of another measure {name}; give another folder: {difference}"
+        if differences := _differences({**defaults, **measure}, measures[name], other):
+            raise StoreError(f"{origin} results of another measure {name}; give another folder: {differences[0]}")
     if point.trials > now.trials:
         allowed = f"allowed: {point.trials} or more, or another folder"
-        yield f"{point.trials} trials at {point.key}; trials is {now.trials}; {allowed}"
+        raise StoreError(f"{origin} {point.trials} trials at {point.key}; trials is {now.trials}; {allowed}")
 
 
 def _differences(before: Mapping[str, Any], after: Mapping[str, Any], other: str) -> list[str]:
@@ -162,7 +161,7 @@ def _differences(before: Mapping[str, Any], after: Mapping[str, Any], other: str
     ]
 
 
-def _with_effect(point: StoredPoint) -> dict[str, Any]:
+def _keys_with_effect(point: StoredPoint) -> dict[str, Any]:
     scenario = json.loads(point.scenario)
     with suppress(ScenarioError):  # if it no longer validates, it is compared as it was stored
         scenario = validate(scenario, "stored").model_dump(mode="json")  # with defaults of keys that were added since
@@ -185,7 +184,6 @@ def _with_effect(point: StoredPoint) -> dict[str, Any]:
 
 
 def _flat(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the dotted key and the value of every plain value inside `value`, also in lists, which may be long."""
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
     if parts is None:
         yield key, value

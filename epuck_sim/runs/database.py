@@ -191,15 +191,12 @@ def _damage(path: Path) -> str | None:
             return "it has trials of a point that is gone"
         (found,) = connection.execute("SELECT count(*) FROM trials").fetchone()
     if found < expected:  # SQLite takes damage in its log for the log's end
-        return (
-            f"its log has lost trials: {expected} were stored, {found} can be read; to go on with these, delete "
-            f"{path.with_name(STORED)}"
-        )
+        said = f"its log has lost trials: {expected} were stored, {found} can be read"
+        return f"{said}; to go on with these, delete {path.with_name(STORED)}"
     return None
 
 
 def _damage_of_rows(connection: sqlite3.Connection, table: str) -> str | None:
-    """Return a message about the first row of a table with a wrong checksum; None if all are right."""
     columns = columns_of(connection, table)
     if "checksum" not in columns:
         return f"{table} has no checksums" if columns else f"it has no table {table}"
@@ -304,9 +301,8 @@ def read_numbers(text: str | None) -> IntArray:
 def _connect_to_read(path: Path) -> sqlite3.Connection:
     """Return a read-only connection, after a write in which another process may have died was undone."""
     if not has_locks(path.parent) and (holder := current_holder(path.parent)) not in (None, own_name()):
-        raise StoreError(
-            f"{path.parent}: {holder} is at work on it, and its file system has no locks; read it when that work ends"
-        )
+        said = f"{holder} is at work on it, and its file system has no locks; read it when that work ends"
+        raise StoreError(f"{path.parent}: {said}")
     if path.with_name(f"{path.name}-journal").exists():
         with closing(_connect(path, "rw")) as connection:  # a read-only connection cannot undo a write
             connection.execute("SELECT count(*) FROM sqlite_master")

@@ -44,11 +44,6 @@ def database_of(folder: Path | str) -> Path:
 @contextmanager
 def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
     """Make a run folder if there is none, and lock or lease it in the block; yield a test whether it is still held."""
-
-    def let_go() -> None:
-        if is_held():
-            (folder / HOLDER).unlink(missing_ok=True)
-
     with ExitStack() as stack:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -60,16 +55,20 @@ def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
                 _lock(lock, WAIT_S)
                 (folder / HOLDER).write_text(own_name(), encoding="utf-8")
                 is_held = partial(is_at, folder / LOCK, os.fstat(lock.fileno()))
-            stack.callback(let_go)
+
+            @stack.callback
+            def let_go() -> None:
+                if is_held():
+                    (folder / HOLDER).unlink(missing_ok=True)
+
             for path in folder.iterdir():
                 if is_leftover(path.name, DATABASE) or is_leftover(path.name, RUN_SCENARIO):
                     path.unlink()  # nobody else writes here: a killed command has left it
         except BlockingIOError as error:
             gone = f"; if it is gone, its lease ends after {LEASE_S:g} s, or at once with --take-over"
             more = gone if _is_leased(folder) else ""
-            raise StoreError(
-                f"{folder}: {_holder(folder)} is at work on it; wait until it ends, or stop it{more}"
-            ) from error
+            said = f"{_holder(folder)} is at work on it; wait until it ends, or stop it{more}"
+            raise StoreError(f"{folder}: {said}") from error
         except OSError as error:
             raise StoreError(f"{folder}: cannot be used as a run folder: {error.strerror}") from error
         yield is_held
@@ -81,9 +80,8 @@ def _check_no_foreign_files(folder: Path) -> None:
     left = [name for name in names if is_leftover(name, DATABASE) or is_leftover(name, HOLDER)]
     foreign = [name for name in names if name not in (LOCK, HOLDER, *left)]
     if foreign and DATABASE not in names:
-        raise StoreError(
-            f"{folder}: is not a run folder: it holds {foreign[0]!r} but no {DATABASE}; give a new or empty one"
-        )
+        said = f"is not a run folder: it holds {foreign[0]!r} but no {DATABASE}"
+        raise StoreError(f"{folder}: {said}; give a new or empty one")
 
 
 def is_at(path: Path, opened: os.stat_result) -> bool:
@@ -162,7 +160,6 @@ def _lease(folder: Path) -> Iterator[partial[bool]]:
 
 
 def _is_lease_running(folder: Path) -> bool:
-    """Return whether a folder's lease was renewed recently, by the file system's clock, and its process still runs."""
     try:
         renewed = (folder / HOLDER).stat().st_mtime
     except OSError:

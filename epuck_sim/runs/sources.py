@@ -130,7 +130,6 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _free_places(root: Path, files: Mapping[Path, bytes]) -> dict[Path, Path]:
-    """Return places for files in a run folder that keep their relative paths, and replace no other file."""
     if not files:
         return {}
     common = os.path.commonpath([path.parent for path in files])
@@ -153,7 +152,6 @@ def _with_paths(keys: Mapping[str, Any], change: Callable[[Path], Path]) -> dict
 
 
 def _map_paths(value: Any, change: Callable[[Path], Path]) -> Any:
-    """Return a value with the path of each file changed, also in FILE.py:NAME."""
     if isinstance(value, dict):
         pairs = {key: each if _PARAMETER.match(key) else _map_paths(each, change) for key, each in value.items()}
         return {_map_paths(key, change): each for key, each in pairs.items()}
@@ -269,7 +267,5 @@ def ask_for_trust(path: Path, *, trusted: bool = False) -> None:
         trust(folder)
     if not is_trusted(folder):
         names = ", ".join(code_in(folder))
-        raise StoreError(
-            f"{folder}: brings code that you have not run: {names}; look at it, and if you trust it, give --trust to "
-            "`run`, `plan` or `replay`, which then run it as you"
-        )
+        advice = "if you trust it, give --trust to `run`, `plan` or `replay`, which then run it as you"
+        raise StoreError(f"{folder}: brings code that you have not run: {names}; look at it, and {advice}")

@@ -122,7 +122,6 @@ class Store:
             self._resources = stack.pop_all()
 
     def _drop(self, measures: set[str]) -> None:
-        """Drop the stored values of measures, and warn of it."""
         stored = self._connection.execute("SELECT measured, point, trial FROM trials WHERE measured IS NOT NULL")
         rows = [(without(measures, values), *at) for values, *at in stored if measures & json.loads(values).keys()]
         self._connection.executemany(f"UPDATE trials SET measured = nullif(?, '{{}}') {_OF_TRIAL}", rows)
@@ -173,10 +172,9 @@ class Store:
         for path, contents in self._sources.items():
             with suppress(OSError):  # an editor is replacing it
                 if path.read_bytes() != contents:
-                    raise StoreError(
-                        f"{path}: was changed while this run was at work; the run has ended: {self._path.parent} "
-                        "has trials of the old file; restore that to go on, or give another folder"
-                    )
+                    said = "was changed while this run was at work; the run has ended"
+                    advice = "has trials of the old file; restore that to go on, or give another folder"
+                    raise StoreError(f"{path}: {said}: {self._path.parent} {advice}")
         with sqlite_errors(self._path), self._connection:
             if self._has_measures:
                 are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
@@ -190,10 +188,9 @@ class Store:
 
     def _check_ours(self) -> None:
         if not self._is_ours():
-            raise StoreError(
-                f"{self._path.parent}: was moved, deleted, replaced or taken over while this run was at work on it; "
-                "the run has ended, and its results are where the folder is now: go on there"
-            )
+            said = "was moved, deleted, replaced or taken over while this run was at work on it"
+            where = "its results are where the folder is now: go on there"
+            raise StoreError(f"{self._path.parent}: {said}; the run has ended, and {where}")
 
     def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
         columns = (*REPEATED, "measured", "events")
@@ -211,7 +208,6 @@ class Store:
         return error is None
 
     def _enter(self, outcomes: Sequence[Outcome], places: Sequence[tuple[str, int]]) -> None:
-        """Store trials that have no stored result."""
         rows = [
             self._with_sum((*place, *self._axes[outcome.point], *outcome[2:-1], *outcome.provenance))
             for outcome, place in zip(outcomes, places, strict=True)
@@ -236,9 +232,7 @@ def difference(stored: Mapping[str, Any], outcome: Outcome) -> str | None:
     pairs += [(name, value, now[name]) for name, value in before.items()]
     for name, before, now in pairs:
         if json.dumps(before) != json.dumps(now):  # 1, 1.0 and true are equal, but not the same
-            return (
-                f"differs from the stored trial, so new measures do not belong to it: {name} is "
-                f"{short_yaml(before)} in the folder, {short_yaml(now)} now; another version or host made it, or "
-                "code that draws numbers of its own"
-            )
+            said = "differs from the stored trial, so new measures do not belong to it"
+            values = f"{name} is {short_yaml(before)} in the folder, {short_yaml(now)} now"
+            return f"{said}: {values}; another version or host made it, or code that draws numbers of its own"
     return None
