@@ -56,7 +56,6 @@ def compile_for(
 
 @lru_cache  # it takes long, and nothing here changes in a loaded file
 def _static_digest(user: Any, types: tuple[np.dtype[Any], ...], contents: str) -> str:
-    """Return the digest of sources, types and contents, and of values in modules that the file imports."""
     own = user.modules.values()
     imported = {value: None for module in own for value in vars(module).values() if isinstance(value, ModuleType)}
     made_from = [kernel_digest().encode(), *user.sources.values(), *frozen_values(imported)]
@@ -76,7 +75,6 @@ def frozen_values(modules: Iterable[ModuleType]) -> list[bytes]:
 
 
 def _bound_values(function: FunctionType) -> list[object]:
-    """Return the default arguments of a function, and the values in its closure."""
     cells = [cell.cell_contents for cell in function.__closure__ or () if cell != CellType()]
     return [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values(), *cells]
 

@@ -105,7 +105,6 @@ def _in_c(*_: object) -> None: ...
 
 
 def _read_fields(library: ctypes.CDLL, name: str) -> dict[str, _Field]:
-    """Return the fields of a table, which ends with a field without a name, by their names."""
     first = _Field.in_dll(library, name)
     fields: dict[str, _Field] = {}
     for index in range(10_000):
@@ -138,10 +137,8 @@ def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     """Return the library of a C file, and the contents of the files it is made from, except the compiler's own."""
     compiler = shlex.split(os.environ.get("CC", "cc")) or ["cc"]
     if shutil.which(compiler[0]) is None:
-        raise ControllerError(
-            f"{path}: needs a C compiler, and {compiler[0]} is not found; install gcc or clang, name one in CC, or "
-            "give the library (.so) that the file was compiled to elsewhere"
-        )
+        said = f"needs a C compiler, and {compiler[0]} is not found; install gcc or clang, name one in CC"
+        raise ControllerError(f"{path}: {said}, or give the library (.so) that the file was compiled to elsewhere")
     _, _, files = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", "-MT", "code", path]).partition(":")
     named = re.findall(r"(?:\\.|[^\s\\])+", files.replace("\\\n", " "))  # with the quotes of `make`
     own = [Path(re.sub(r"\\(.)", r"\1", file).replace("$$", "$")).resolve() for file in named]
@@ -186,14 +183,12 @@ def _reject_shared(code: Path, sources: Mapping[Path, bytes]) -> None:
             raise ControllerError(f"{_line_of(name, sources)}: {name!r}: {FOR_THE_ROBOT_ITSELF}")
         is_variable = kind in "bBdDC" and not section.startswith(".data.rel.ro")
         if is_variable and plain not in OWN_VARIABLES:
-            raise ControllerError(
-                f"{_line_of(plain, sources)}: {plain!r} is a variable that all robots would share; make it "
-                "a part of MEMORY, where each robot has its own, or const"
-            )
+            advice = "make it a part of MEMORY, where each robot has its own, or const"
+            said = f"{plain!r} is a variable that all robots would share; {advice}"
+            raise ControllerError(f"{_line_of(plain, sources)}: {said}")
         if kind == "U" and plain in SHARED_RANDOM:
-            raise ControllerError(
-                f"{_line_of(plain, sources)}: {plain}() is shared by all robots; use e_randint() or e_uniform()"
-            )
+            said = f"{plain}() is shared by all robots; use e_randint() or e_uniform()"
+            raise ControllerError(f"{_line_of(plain, sources)}: {said}")
 
 
 def _line_of(name: str, sources: Mapping[Path, bytes]) -> str:

@@ -102,7 +102,7 @@ ACTUATORS = np.dtype(
 
 
 @dataclass(frozen=True, eq=False)
-class Described:
+class RobotCode:
     """Code of a user's file that runs on robots: a controller, or a sensor."""
 
     name: str
@@ -142,7 +142,7 @@ class Described:
 
 
 @dataclass(frozen=True, eq=False)
-class Controller(Described):
+class Controller(RobotCode):
     """A controller as its file describes it."""
 
     memory: np.dtype[Any]  # record type of a robot's memory
@@ -167,7 +167,7 @@ class Controller(Described):
 
 
 @dataclass(frozen=True, eq=False)
-class Sensor(Described):
+class Sensor(RobotCode):
     """A sensor as its file describes it; see `control.loader`."""
 
     readings: np.dtype[Any]  # record type of its readings, as controllers find them in `sensors`

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from epuck_sim.control.firmware import load_firmware
-from epuck_sim.control.interface import EXTERNAL, Controller, Described, Sensor, Sensors
+from epuck_sim.control.interface import EXTERNAL, Controller, RobotCode, Sensor, Sensors
 from epuck_sim.control.names import ARGUMENTS, check_draws, check_own_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import AS_LOADED, Kind, Place, PythonFile, fingerprint, kept, load_python_file
@@ -67,7 +67,7 @@ def _load(place: Place) -> Controller:
         said = f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {comma_list(EXTERNAL)}"
         raise file.refusal("EXTERNAL", said)
     controller = Controller(
-        **vars(_described(place, file)),
+        **vars(_robot_code(place, file)),
         memory=file.record_type("MEMORY"),
         start=parts["start"],
         step=parts["step"],
@@ -103,9 +103,9 @@ def _check_parts(file: PythonFile, noun: str, *parts: str) -> None:
             raise file.refusal(part, said) from None
 
 
-def _described(place: Place, file: PythonFile) -> Described:
+def _robot_code(place: Place, file: PythonFile) -> RobotCode:
     parameters, check = file.parameters(), file.check()
-    return Described(place.short_name, place.name, file.path, parameters, check, file.sources, file.modules)
+    return RobotCode(place.short_name, place.name, file.path, parameters, check, file.sources, file.modules)
 
 
 # --- sensors ------------------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ def _load_sensor(place: Place) -> Sensor:
     ordered = np.dtype([(name, readings[name].base, readings[name].shape) for name in names], align=True)
     if "file" in file.parameters():
         raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
-    sensor = Sensor(**vars(_described(place, file)), readings=ordered, sense=sense)
+    sensor = Sensor(**vars(_robot_code(place, file)), readings=ordered, sense=sense)
     check_own_names(sensor)
     check_draws(file, DRAW)
     return sensor
@@ -147,7 +147,7 @@ def _load_sensor(place: Place) -> Sensor:
 # --- values that a program sets ------------------------------------------------------------------------
 
 
-def check_imported_copies(controller: Described) -> None:
+def check_imported_copies(controller: RobotCode) -> None:
     """Reject values that the program set in its own import of a controller's file, which controllers do not see."""
     for path, own in controller.modules.items():
         imported = sys.modules.get(path.stem)
@@ -156,8 +156,7 @@ def check_imported_copies(controller: Described) -> None:
         loaded = vars(own)[AS_LOADED]
         for name, value in vars(imported).items():
             if not name.startswith("__") and name.isidentifier() and fingerprint(value) != loaded.get(name):
-                raise ControllerError(
-                    f"{path}: {name} is {short_repr(value)} in the module {path.stem!r} of this program, which is not "
-                    "what the file says; controllers run their own copy, which this does not change: make it a "
-                    "parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
-                )
+                said = f"{name} is {short_repr(value)} in the module {path.stem!r} of this program"
+                why = "which is not what the file says; controllers run their own copy, which this does not change"
+                instead = "make it a parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
+                raise ControllerError(f"{path}: {said}, {why}: {instead}")

@@ -14,7 +14,7 @@ from types import FunctionType, ModuleType
 
 import numpy as np
 
-from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, World
+from epuck_sim.control.interface import ACTUATORS, Controller, RobotCode, Sensor, Sensors, World
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import PythonFile
 from epuck_sim.util.messages import comma_list, nearest_name
@@ -57,7 +57,7 @@ def check_sensed(controller: Controller, readings: tuple[str, ...] = ()) -> None
 
 
 def _check_names(
-    user: Described,
+    user: RobotCode,
     known: Mapping[str, Sequence[str]],
     several: Collection[tuple[str, str]] = (),
     fixed: Sequence[str] = (),
@@ -91,7 +91,7 @@ def _check_names(
 
 
 @lru_cache(maxsize=8)
-def _definitions(user: Described) -> dict[tuple[str, str, int], ast.FunctionDef]:
+def _definitions(user: RobotCode) -> dict[tuple[str, str, int], ast.FunctionDef]:
     """Return the trees of functions in the user's Python files, by file, name and first line as in code objects.
 
     They are cached: names of sensors are checked after the user's own names, and for each set of sensors.

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
-from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, Wheels
+from epuck_sim.control.interface import ACTUATORS, Controller, RobotCode, Sensor, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.control.names import check_sensed
 from epuck_sim.embodied.swarm import BYTES, SENSED, SENSED_BYTES, Swarm, open_block, swarm_at
@@ -54,7 +54,7 @@ class RobotError(ControllerError):
         robot: The robot's number.
     """
 
-    def __init__(self, user: Described, robot: int, error: BaseException, place: str) -> None:
+    def __init__(self, user: RobotCode, robot: int, error: BaseException, place: str) -> None:
         kind = "sensor" if isinstance(user, Sensor) else "controller"
         inside = "" if place.startswith(str(user.path)) else f" (in the {kind} {user.path})"
         super().__init__(f"{place}: {describe_error(error)}{inside}")
@@ -73,7 +73,7 @@ class UserCode(ABC):
     _sensing = 0  # `scene.sensing` while it runs
 
     def __init__(
-        self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any, parameters: ByteArray
+        self, user: RobotCode, block: ByteArray, swarm: Swarm, number: int, record: Any, parameters: ByteArray
     ) -> None:
         """Find the robots of a user's code by `record`, its GROUP or SENSE of this number in the block."""
         check_imported_copies(user)
