@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, problems_in
@@ -109,8 +109,11 @@ class Check(ConfigModel):
             return (RISE, None) if self.rises else (None, RISE)
         return self.within or (self.above, self.below)
 
-    @model_validator(mode="after")
-    def _fits_its_test(self) -> "Check":
+    def _check_together(self) -> None:
+        self._check_keys()
+        self._check_prediction()
+
+    def _check_keys(self) -> None:
         for key, known in (("test", TESTS), ("number", FORMULAS if self.test == "formula" else [self.number])):
             if (given := getattr(self, key)) not in known:
                 raise ValueError(f"{key}: {did_you_mean(given, known)}; allowed: {comma_list(known)}")
@@ -125,12 +128,10 @@ class Check(ConfigModel):
                 raise ValueError(f"unknown key {key!r}; {self.test} takes {comma_list([*takes, *others])}")
         if sum(getattr(self, key) is not None for key in ("above", "below", "within", "rises")) != 1:
             raise ValueError("give one of above, below and within")
+
+    def _check_prediction(self) -> None:
         if self.within is not None and self.within[0] >= self.within[1]:
             raise ValueError("within: the first number must be the lower one")
-        return self
-
-    @model_validator(mode="after")
-    def _can_be_decided(self) -> "Check":
         if self.test == "share_difference" and any(self.predicted):
             raise ValueError("a difference of shares is tested against 0: give above: 0 or below: 0")
         thresholds = [each for each in self.predicted if each is not None]
@@ -146,7 +147,6 @@ class Check(ConfigModel):
             raise ValueError("take is given without of, the measure whose values it takes")
         if "between" in TESTS[self.test].takes and self.between[0] == self.between[1]:
             raise ValueError("between has the same place twice; give two that differ")
-        return self
 
 
 class AskedSweep(ConfigModel):
@@ -180,15 +180,13 @@ class Claim(ConfigModel):
         """Why no test of trials decides about it; empty if one does."""
         return self.identity or self.no_claim or self.not_asked
 
-    @model_validator(mode="after")
-    def _is_asked_or_not(self) -> "Claim":
+    def _check_together(self) -> None:
         reasons = sum(map(bool, (self.identity, self.no_claim, self.not_asked)))
         has_tests = bool(self.checks) and not self.identity
         if has_tests + reasons != 1 or (self.reading and not has_tests):
             raise ValueError("give either checks, which may be a reading, or one of identity, no_claim and not_asked")
         if (self.sweep is None) == any(check.test != "formula" for check in self.checks):
             raise ValueError("give sweep where checks test trials, and only there")
-        return self
 
 
 class Claims(ConfigModel):
@@ -201,8 +199,7 @@ class Claims(ConfigModel):
     notes: tuple[Text, ...] = ()
     """Notes at the page's end: contradictions within the text, misprints, identities that it takes for findings."""
 
-    @model_validator(mode="after")
-    def _names_agree(self) -> "Claims":
+    def _check_together(self) -> None:
         names = [claim.id for claim in self.claims]
         for name in (*names, *self.sweeps):
             if not re.fullmatch(r"\w[\w.-]*", name):  # names of files and folders contain them
@@ -212,7 +209,6 @@ class Claims(ConfigModel):
                 raise ValueError(f"claim {claim.id} is given twice")
             if claim.sweep is not None and claim.sweep not in self.sweeps:
                 raise ValueError(f"claim {claim.id}: sweep: {did_you_mean(claim.sweep, dict(self.sweeps))}")
-        return self
 
     def choose(self, names: tuple[str, ...]) -> tuple[Claim, ...]:
         """Return the claims of these ids, or all, in the order of the file; raise EpuckSimError if one is not there."""

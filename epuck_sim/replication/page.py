@@ -129,7 +129,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
     count = sum(each.check.test != "formula" for answer in answers for each in answer.checks)
-    yield f"# Replication{' of the thesis' * (file is None)}, claim by claim"
+    yield f"# Replication{' of the thesis' if file is None else ''}, claim by claim"
     yield f"{counted(len(answers), 'claim')}: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
     looked = f"Each sweep was looked at up to {contents.looks} times, for which p is corrected, too."
     rules = [f"{RULES}{count}.", looked if contents.looks > 1 else "", contents.claims.pooled]
@@ -138,7 +138,8 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     rows = [_verdict_row(answer, pictures) for answer in answers]
     yield "\n".join([f"claim | {said} | ours | verdict", "--- | --- | --- | ---", *rows])
     for verdict in EXPLAINED:
-        yield from [f"## {verdict.capitalize()}"] * bool(counts[verdict])
+        if counts[verdict]:
+            yield f"## {verdict.capitalize()}"
         for answer in answers:
             if answer.verdict == verdict:
                 yield from _explain(answer, pictures)
@@ -148,7 +149,6 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
 
 
 def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
-    """Return a row of the table, with a link to what explains the verdict, or else to the figure."""
     claim = answer.claim
     said = f'"{claim.quote}"' if claim.quote else claim.claim
     ours, is_explained = claim.untested, answer.verdict in EXPLAINED
@@ -172,7 +172,6 @@ def _decisive(answer: Answer) -> list[Finding]:
 
 
 def _found(judged: Finding) -> str:
-    """Return the effect that a test has found and, in brackets, the one predicted."""
     low, high = judged.check.predicted
     between = f"{low:g} to {high:g}" if low is not None and high is not None else ""
     return f"{judged.effect.estimate} ({between or (f'<{high:g}' if low is None else f'>{low:g}')})"
@@ -254,7 +253,6 @@ def describe_check(check: Check) -> str:
 
 
 def _effect(check: Check) -> str:
-    """Return the effect that a test looks at; of two places, what differs."""
     test = TESTS[check.test]
     first, second = check.between
     names = {**dict(check), "number": check.number.replace("_", " "), "measure": check.of or "synchronised"}

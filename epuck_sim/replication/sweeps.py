@@ -82,9 +82,12 @@ class Trials:
 
 def check_claim(claim: Claim, trials: Trials) -> list[verdicts.Finding]:
     """Run the checks of a claim on the trials that are stored."""
+    found = []
     with refused_at(f"claim {claim.id}"):
-        takes = [(check, claim.sweep if check.test != "formula" else None) for check in claim.checks]
-        return [verdicts.run_check(check, trials.read(sweep, check) if sweep else []) for check, sweep in takes]
+        for check in claim.checks:
+            sweep = None if check.test == "formula" else claim.sweep
+            found.append(verdicts.run_check(check, trials.read(sweep, check) if sweep else []))
+    return found
 
 
 LOOKS = 8  # largest number of looks at a sweep, at the last of which it has 17 times as many trials as at the first
@@ -180,13 +183,16 @@ class Decider:
                 until = in_words(cost_s) if math.isfinite(cost_s) else f"more than {LOOKS} looks"
                 cells = {"trials": look.scenario.trials, "next_look": in_words(look.cost_s), "until": until}
                 rows.append(Row({"claim": claim}, {"sweep": look.sweep, **cells}))
-                near += [claim] * (cost_s <= HOUR_S)
+                if cost_s <= HOUR_S:
+                    near.append(claim)
         title = "Undecided claims: computing time of the next look, and of all until a verdict if effects stay"
         headings = {"trials": "trials at the next look", "next_look": "its time", "until": "until decided"}
-        hour = f"An hour of computing would decide each of {', '.join(near)}."
-        scattered = ", ".join(each.claim.id for each in self.answers() if _needs_points(each))
-        points = f"More points would decide {scattered}, not more trials: points scatter by far more than their errors."
-        notes = [hour] * bool(near) + [points] * bool(scattered)
+        notes = []
+        if near:
+            notes.append(f"An hour of computing would decide each of {', '.join(near)}.")
+        if scattered := ", ".join(each.claim.id for each in self.answers() if _needs_points(each)):
+            far = "not more trials: points scatter by far more than their errors"
+            notes.append(f"More points would decide {scattered}, {far}.")
         return Table(title if rows else "No undecided claim may be looked at again", rows, notes, headings)
 
 

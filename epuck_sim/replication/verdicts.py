@@ -16,12 +16,12 @@ from epuck_sim.replication.claims import FORMULAS, TESTS, Check, Claim, Values
 from epuck_sim.replication.criteria import Effect
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
-from epuck_sim.scenario.loader import Point
+from epuck_sim.scenario.loader import Point, describe_axes
 from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes, has_series
 from epuck_sim.statistics.sequential import looks_p_value
 from epuck_sim.statistics.statistic import Measured, measure, measure_of, measure_t_sync, restrict
-from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
+from epuck_sim.util.messages import comma_list, did_you_mean
 
 SMALLEST, LARGEST = 1e-12, 1e-3
 """Deviations, in cycles, between which growth is judged: above rounding, and far below where it must end."""
@@ -91,10 +91,7 @@ def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
 
 
 def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
-    """Return the points of a sweep that a check uses; raise EpuckSimError if points, a measure or an axis are missing.
-
-    There may be none, or not as many as the test takes.
-    """
+    """Return the points of a sweep that a check uses; raise EpuckSimError if points, a measure or axis is missing."""
     test = TESTS[check.test]
     if check.test == "ratio":
         used = [each for pair in pair_points(check, points) for each in pair]
@@ -113,7 +110,8 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
                 raise EpuckSimError(f"{key}: {axis} is 0 or less at a point; {check.test} takes values above 0")
     if test.points not in (None, len(used)):
         of = "one at each place" if test.points == 2 else "one"
-        raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; {check.test} needs {of}")
+        where = describe_axes(check.where) or "all points"
+        raise EpuckSimError(f"where {where}: {len(used)} points; {check.test} needs {of}")
     return used
 
 
@@ -123,7 +121,7 @@ def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     having = [point for point in points if keys <= point.axes.keys()]
     found = [point for point in having if canonical_text({key: point.axes[key] for key in keys}) == wanted]
     if not found:
-        raise EpuckSimError(f"where {_in_text(values)}: no such point; axes: {comma_list(points[0].axes)}")
+        raise EpuckSimError(f"where {describe_axes(values)}: no such point; axes: {comma_list(points[0].axes)}")
     return found
 
 
@@ -134,12 +132,9 @@ def pair_points(check: Check, points: Sequence[AnyPoint]) -> list[tuple[AnyPoint
     one, other = ({canonical_text({key: point.axes[key] for key in others}): point for point in side} for side in sides)
     pairs = [(point, other[text]) for text, point in one.items() if text in other]
     if not pairs or [len(one), len(other)] != [*map(len, sides)]:
-        raise EpuckSimError(f"between {_in_text(check.between[0])} and {_in_text(check.between[1])}: no pairs")
+        first, second = (describe_axes(place) or "all points" for place in check.between)
+        raise EpuckSimError(f"between {first} and {second}: no pairs")
     return pairs
-
-
-def _in_text(values: Values) -> str:
-    return ", ".join(f"{key} = {short_yaml(value)}" for key, value in values.items()) or "all points"
 
 
 Points: TypeAlias = Sequence[PointTrials]
