@@ -332,21 +332,21 @@ def with_defaults(owner: str, given: Mapping[str, object], defaults: Mapping[str
 
 def typed(name: str, given: object, default: _Parameter) -> _Parameter:
     """Return `given`, which may be one of numpy's numbers, converted to the default's type."""
-    given = given.item() if isinstance(given, np.generic) else given
+    value: Any = given.item() if isinstance(given, np.generic) else given
     kind, allowed = next((kind, allowed) for kind, allowed in _ALLOWED.items() if isinstance(default, kind))
-    is_number = isinstance(given, int | float) and not isinstance(given, bool)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if kind is float:
-        fits = is_number and abs(given) <= sys.float_info.max
+        fits = is_number and abs(value) <= sys.float_info.max
     elif kind is int:
-        fits = is_number and abs(given) < MAX_WHOLE and given == int(given)
+        fits = is_number and abs(value) < MAX_WHOLE and value == int(value)
         allowed = f"{allowed}, like its default, {default}"
-        if is_number and abs(given) >= MAX_WHOLE:
+        if is_number and abs(value) >= MAX_WHOLE:
             allowed = f"{allowed}, above -2^53 and below 2^53"
     else:
-        fits = isinstance(given, kind)
+        fits = isinstance(value, kind)
     if not fits:
-        raise ValueError(f"{name} is {short_repr(given)}; allowed: {allowed}")
-    return cast("_Parameter", kind(given))
+        raise ValueError(f"{name} is {short_repr(value)}; allowed: {allowed}")
+    return cast("_Parameter", kind(value))
 
 
 def run_check(
