@@ -81,13 +81,16 @@ def print_traceback() -> Iterator[None]:
         raise
 
 
+def _print_warning(said: Warning | str, kind: type[Warning]) -> None:
+    if not issubclass(kind, DeprecationWarning):  # what one library says to another, no user can heed
+        typer.echo(f"note: {said}", err=True)
+
+
 @contextmanager
 def print_warnings() -> Iterator[None]:
     """Print the block's warnings as notes, at once: an error that follows may be due to them."""
     with warnings.catch_warnings(action="always", category=UserWarning):
-        warnings.showwarning = lambda said, kind, *_, **__: (  # what one library says to another, no user can heed
-            None if issubclass(kind, DeprecationWarning) else typer.echo(f"note: {said}", err=True)
-        )
+        warnings.showwarning = lambda said, kind, *_, **__: _print_warning(said, kind)
         yield
 
 
@@ -114,7 +117,7 @@ def print_stderr(line: str) -> None:
 
 
 @contextmanager
-def word_if_slow(doing: str) -> Iterator[Callable[[], None]]:
+def note_if_slow(doing: str) -> Iterator[Callable[[], None]]:
     """Print a note on stderr if the block takes longer than `SLOW_S`; yield a function that cancels the note."""
     timer = threading.Timer(SLOW_S, print_stderr, (f"{doing} takes a while; Ctrl-C ends it",))
     timer.daemon = True

@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import print_stderr, reject_first, word_if_slow
+from epuck_sim.cli.errors import note_if_slow, print_stderr, reject_first
 from epuck_sim.cli.options import argument, option, output_option
 from epuck_sim.errors import FilmError
 
@@ -59,9 +59,8 @@ def parse_tags(text: str) -> dict[str, Any]:
     match = re.fullmatch(r"([4-7]X[4-7]_[0-9]+)(?::([0-9]+(?:-[0-9]+)?(?:,[0-9]+(?:-[0-9]+)?)*))?", text)
     names = get_args(TagDictionary)
     if match is None or match[1] not in names:
-        raise FilmError(
-            f"--tags is {text}; allowed: a dictionary, {', '.join(names)}, and numbers if you want: 4X4_50:0-9,12"
-        )
+        allowed = f"a dictionary, {', '.join(names)}, and numbers if you want: 4X4_50:0-9,12"
+        raise FilmError(f"--tags is {text}; allowed: {allowed}")
     name, given = match.groups()
     count = int(name.partition("_")[2])
     spans = [[int(end) for end in span.split("-")] for span in (given or "").split(",") if span]
@@ -231,16 +230,14 @@ def track(
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
     is_live = camera is not None
+    unknown = "the period cannot be estimated while the camera films"
     reject_first(
         ((film is None) != is_live, "give either a film or --camera NUMBER"),
         (end_s is not None and end_s <= start_s, "--end-s is not after --start-s"),
         (is_live and any((start_s, end_s, fps, tags)), "--camera excludes --start-s, --end-s, --fps, --tags"),
         (not is_live and (web or record is not None), "--web and --record are for --camera"),
         (port is not None and not web, "--port is for --web"),
-        (
-            is_live and period_s is None,
-            "--camera needs --period-s, because the period cannot be estimated while the camera films",
-        ),
+        (is_live and period_s is None, f"--camera needs --period-s, because {unknown}"),
     )
     from epuck_sim.cli.tables import print_track
     from epuck_sim.overhead.calibration import TrackOptions
@@ -382,7 +379,7 @@ def progress_bar(
 
         console = Console(stderr=True)
         columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(said))
-        note = nullcontext() if console.is_terminal else word_if_slow(doing)
+        note = nullcontext() if console.is_terminal else note_if_slow(doing)
         with note, Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
             task = progress.add_task(doing, total=end)
             for each in items:

@@ -111,7 +111,6 @@ def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:
 
 
 def _every_key(part: str) -> Iterator[tuple[str, str, str]]:
-    """Yield model, dotted key and what is said of it for each key of scenarios, or of controllers, that has `part`."""
     for name, model in SCENARIO_TYPES.items():
         yield from ((name, *told) for told in _keys(model, part, model.refused))
         if model is EmbodiedScenario:

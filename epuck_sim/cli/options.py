@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from epuck_sim.cli.errors import exit_on_error, print_stderr, print_warnings, word_if_slow
+from epuck_sim.cli.errors import exit_on_error, note_if_slow, print_stderr, print_warnings
 from epuck_sim.errors import CODE_CHECKS, EpuckSimError
 
 if TYPE_CHECKING:  # or --help would wait for pydantic
@@ -191,7 +191,7 @@ def read_scenario(
 
     if trusted:
         CODE_CHECKS.append(partial(ask_for_trust, trusted=True))
-    with word_if_slow(f"reading {scenario}"):
+    with note_if_slow(f"reading {scenario}"):
         loaded = load_scenario(
             scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
         )

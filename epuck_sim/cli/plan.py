@@ -87,4 +87,5 @@ def print_plan(name: str, duration: Duration, plan: TrialPlan | None, *, as_json
 
 def _in_words(estimate: Estimate, is_cut: bool) -> str:
     value, low, high = map(in_words, estimate.ends)
-    return f"{'more than ' * is_cut}{value}" + f" ({low} to {high})" * estimate.has_interval
+    interval = f" ({low} to {high})" if estimate.has_interval else ""
+    return f"{'more than ' if is_cut else ''}{value}{interval}"

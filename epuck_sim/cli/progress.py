@@ -4,6 +4,7 @@ import math
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -92,7 +93,6 @@ class TrialProgress(_ProgressLine):
                 self.show(f"compiled {counted(done, 'function')} so far{now}; {kept}")
 
     def _tell_of_what_never_returns(self) -> None:
-        """Warn, once a trial, if a robot's controller or sensor is still at the same step at the next look."""
         told, last = -1, None
         while not self._is_over.wait(AT_WORK_S):
             now = self._at_work() if self._at_work else None
@@ -131,10 +131,9 @@ class TrialProgress(_ProgressLine):
         self._next = now + self._pause_s
         r = "" if state.order_parameter is None else f", order parameter {state.order_parameter:.3f}"
         passed = max(state.cycles / self._stop.max_cycles, state.time_s / (self._stop.max_time_s or math.inf))
-        self.show(
-            f"trial {self._trial + 1} of {self._trials}: cycle {state.cycles}, {100 * passed:.2g} % of the limit{r}, "
-            f"{state.time_s:.1f} s simulated, {state.time_s / (now - self._began):.0f} x real time"
-        )
+        cycles = f"cycle {state.cycles}, {100 * passed:.2g} % of the limit{r}"
+        lasted = f"{state.time_s:.1f} s simulated, {state.time_s / (now - self._began):.0f} x real time"
+        self.show(f"trial {self._trial + 1} of {self._trials}: {cycles}, {lasted}")
 
     def _tell_of_hopelessness(self, order: float) -> None:
         alone = "will end at its limit: its one oscillator has no other to synchronise with"
@@ -149,7 +148,8 @@ class SweepProgressBar(_ProgressLine):
     def __init__(self) -> None:
         super().__init__(BarColumn(), TextColumn("{task.description}"))
         self._began, self._first = 0.0, 0  # when the first trials had ended, which waited for workers, and their number
-        self._at_limit: dict[int, float] = {}  # number of trials of each point, if all have reached their limit
+        self._trials: Counter[int] = Counter()  # number of trials of each point that have a result
+        self._censored: Counter[int] = Counter()  # number of these that have reached their limit
         self._has_told = False  # whether a line was printed about a point at its limit
         self.progress: SweepProgress | None = None
         self.points: Sequence[Point] = ()
@@ -158,10 +158,10 @@ class SweepProgressBar(_ProgressLine):
     def __call__(self, progress: "SweepProgress") -> None:
         """Show the progress, if it is time to."""
         if self.progress is None and progress.stored:
-            self._at_limit = dict.fromkeys(range(len(self.points)), -math.inf)  # stored ends are unknown
+            self._has_told = True  # nothing is said, as stored ends are unknown
         self.progress = progress
         for outcome in progress.last if self.points else ():
-            if outcome.error is None:
+            if outcome.error is None and not self._has_told:
                 self._note(self.points[outcome.point], is_censored=outcome.censored == 1)
         now = time.monotonic()
         if not self._first:
@@ -174,13 +174,12 @@ class SweepProgressBar(_ProgressLine):
 
     def _note(self, point: Point, *, is_censored: bool) -> None:
         """Count a trial of a point; print one line once enough trials, and no other ones, have reached their limit."""
-        count = self._at_limit.get(point.number, 0) + (1 if is_censored else -math.inf)
-        self._at_limit[point.number] = count
-        if count < 0:
-            return
-        if count == min(FEW_TRIALS, point.scenario.trials) and not self._has_told:
+        self._trials[point.number] += 1
+        self._censored[point.number] += is_censored
+        count = self._trials[point.number]
+        if self._censored[point.number] == count == min(FEW_TRIALS, point.scenario.trials):
             self._has_told = True
-            print_stderr(*describe_at_limit([PointAtLimit(point.number, point.axes, int(count))]))
+            print_stderr(*describe_at_limit([PointAtLimit(point.number, point.axes, count)]))
 
     def _words(self, progress: "SweepProgress", now: float) -> str:
         failed = f", {progress.failed} failed" if progress.failed else ""

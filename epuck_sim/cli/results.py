@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import prefix_scenario, print_stderr, reject_first, word_if_slow
+from epuck_sim.cli.errors import note_if_slow, prefix_scenario, print_stderr, reject_first
 from epuck_sim.cli.options import argument, looks_option, option
 from epuck_sim.statistics import Statistic
 from epuck_sim.util.messages import counted
@@ -38,7 +38,6 @@ def export_results(
 
 
 def _name_failed(folders: list[Path]) -> None:
-    """Say on stderr how many trials of each folder have failed, and are left out."""
     from epuck_sim.runs.reader import count_failed
 
     for folder in dict.fromkeys(folders):
@@ -147,14 +146,13 @@ def compare(
 
     names, places = [*map(str, folders)], [folder.resolve() for folder in folders]
     twice = [name for name, place in zip(names, places, strict=True) if places.count(place) > 1]
+    is_incomplete = bool(axis) if len(folders) > 1 else not (axis or points)
+    complete = "give two or more run folders, or one and --axis KEY=A,B or --points K,L"
     reject_first(
         (bool(axis and points), "--axis and --points exclude each other"),
         (bool(points and where), "--points names what is compared; leave --where out"),
         (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
-        (
-            (len(folders) == 1) == (not axis) and (len(folders) > 1 or not points),
-            "give two or more run folders, or one and --axis KEY=A,B or --points K,L",
-        ),
+        (is_incomplete, complete),
         *((not points, f"{name} is given twice; allowed: other folders") for name in twice),
     )
     read = [read_points(folder, of, where) for folder in folders]
@@ -173,7 +171,7 @@ def compare(
         samples = match_points(read, names, chosen)
     else:
         samples = match_folders(read, names)
-    with word_if_slow("comparing"):
+    with note_if_slow("comparing"):
         compared = compare_samples(samples, with_first=with_first)
     found = compared[0] if len(samples.names) == 2 else compared
     show(comparison_tables(compared), found, as_json=as_json, as_csv=as_csv)
@@ -254,7 +252,8 @@ def plot(
     if len(results) > 1 or results[0].is_dir():
         named = [name.strip() for name in names.split(",")] if names else []
         drawn = read_form(results, wanted, of, named, "--", where)
-        stem = drawn.name if drawn.name in SIMULATED_AGAIN else f"{of or 'T_sync'}{f'-{form}' * bool(form)}"
+        of_form = f"-{form}" if form else ""
+        stem = drawn.name if drawn.name in SIMULATED_AGAIN else f"{of or 'T_sync'}{of_form}"
         others = "".join(f"-with-{folder.resolve().name}" for folder in results[1:])
         place = target or Target(results[0] / f"{stem}{others}")
         files = save_figure(place, drawn.draw_figure, drawn.tables, drawn.caption)
@@ -269,7 +268,6 @@ def plot(
 
 
 def _draw_recording(file: Path, of_sweeps: dict[str, Any], title: str | None, target: Any) -> list[Path]:
-    """Draw a recorded trial, for which no option of sweeps is allowed; return the files."""
     from epuck_sim.figures.saving import Target, save_figure
     from epuck_sim.figures.sweep_figure import flag
     from epuck_sim.figures.trial_page import check_drawable, draw_page

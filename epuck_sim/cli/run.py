@@ -109,15 +109,13 @@ def run(
     file = find_scenario(scenario)
     folder = out or (file.parent if file.parent == Path(scenario) and not is_one else None)
     is_none = folder is None
+    one_again = "give --point and --trial to run one trial again with them"
     reject_first(
         (is_one and (None in (point, trial) or out is not None), "give --point and --trial together, without --out"),
         (is_none and (workers or dask) is not None, "--workers and --dask need a run folder: --out FOLDER"),
         (is_none and until is not None, "--until is for sweeps: give --out FOLDER"),
         (is_none and share is not None, "--share needs a run folder of its own: --out FOLDER"),
-        (
-            not is_none and is_watched,
-            "a sweep keeps no traces, recordings or films; give --point and --trial to run one trial again with them",
-        ),
+        (not is_none and is_watched, f"a sweep keeps no traces, recordings or films; {one_again}"),
     )
     if folder is not None and take_over and (holder := run_folder.take_over(folder)) is not None:
         typer.echo(f"{folder}: taken over from {holder}", err=True)

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from epuck_sim.cli import options
-from epuck_sim.cli.errors import prefix_scenario, reject_first, word_if_slow
+from epuck_sim.cli.errors import note_if_slow, prefix_scenario, reject_first
 from epuck_sim.cli.options import argument, option
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import TEMPLATES, builtin_folder
@@ -44,7 +44,7 @@ def check(
         sys.stdout.write("# as stored; not checked, because that would run code that you have not run\n")
         return
     loaded = options.read_scenario(scenario, settings, axes, controller=controller, quick=quick)
-    with word_if_slow(f"checking {scenario}"), prefix_scenario(scenario):
+    with note_if_slow(f"checking {scenario}"), prefix_scenario(scenario):
         found = points(loaded)
         check_sweep(found)
     sys.stdout.write(f"{write_scenario(loaded)}# {describe_size(found)}\n")
@@ -97,7 +97,7 @@ def play(
 def _make_page(scenario: str, path: Path, settings: list[str] | None, controller: str | None) -> None:
     from epuck_sim.page.writer import write_page
 
-    with word_if_slow(f"making the page of {scenario}"), prefix_scenario(scenario):
+    with note_if_slow(f"making the page of {scenario}"), prefix_scenario(scenario):
         write_page(scenario, path, settings or (), controller=controller)
 
 
@@ -115,7 +115,7 @@ def predict(
     from epuck_sim.cli.tables import show
     from epuck_sim.theory.predict import predict_points, sweep_table
 
-    with word_if_slow(f"predicting {scenario}"), prefix_scenario(scenario):
+    with note_if_slow(f"predicting {scenario}"), prefix_scenario(scenario):
         found = predict_points(loaded)
     if loaded.sweep is None:
         table, record = found[0][1].table(), found[0][1]._asdict()

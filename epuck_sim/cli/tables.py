@@ -270,7 +270,7 @@ def _cells_of_quantity(row: "QuantityComparison") -> dict[str, Any]:
     low, middle, high = [math.nan] * 3
     if len(known):
         low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), method="nearest").tolist()
-    unknown = f", {row.unknown} unknown" * (row.unknown > 0)
+    unknown = f", {row.unknown} unknown" if row.unknown else ""
     return {
         "quantity": row.name,
         "unit": row.unit,

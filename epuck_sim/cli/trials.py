@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import typer
 
-from epuck_sim.cli.errors import prefix_scenario, print_stderr, word_if_slow
+from epuck_sim.cli.errors import note_if_slow, prefix_scenario, print_stderr
 from epuck_sim.cli.options import read_scenario
 from epuck_sim.cli.progress import SweepProgressBar, TrialProgress
 from epuck_sim.cli.tables import print_json, print_status, print_trials
@@ -107,10 +107,8 @@ def chosen_trials(origin: str, scenario: Scenario, point: int | None, trial: int
     """Return the scenario and the seeds of its trials, or those of the trial of a sweep that must be chosen."""
     if point is None or trial is None:
         if scenario.sweep is not None:
-            raise ScenarioError(
-                f"{origin}: holds a sweep of {counted(len(points(scenario)), 'point')}; give --out FOLDER to run it, "
-                "or --point K --trial J to run one of its trials"
-            )
+            advice = "give --out FOLDER to run it, or --point K --trial J to run one of its trials"
+            raise ScenarioError(f"{origin}: holds a sweep of {counted(len(points(scenario)), 'point')}; {advice}")
         return scenario, [trial_seed(scenario.seed, number) for number in range(scenario.trials)]
     all_points = points(scenario)
     if point >= len(all_points):
@@ -160,7 +158,7 @@ def _run_trial(
     with ExitStack() as stack:
         observers = [stack.enter_context(factory(trial, seed)) for factory in factories]
         setting_up = f"setting up a trial with a population of {scenario.population:,}"
-        with word_if_slow(setting_up) if scenario.population >= LARGE else nullcontext():
+        with note_if_slow(setting_up) if scenario.population >= LARGE else nullcontext():
             simulation = simulate(scenario, seed, interpret=interpret)
         if watched.live and isinstance(scenario, EmbodiedScenario):
             from epuck_sim.embodied.changes.replacement import ControllerFiles  # numba takes a while
@@ -180,10 +178,9 @@ def record_again(folder: Path, point: int, trial: int, file: Path, *, interpret:
     (result,) = run_trials(str(folder), chosen, seeds, Watched(record=file), interpret=interpret)
     if stored is not None and stored != (result.cycles, result.censored):
         made = "; ".join(format_versions(row.made_by) for row in read_status(folder).versions)
-        print_stderr(
-            f"note: this trial differs from the stored one, which lasted {stored[0]} cycles; its controller or the "
-            f"versions may have changed: the folder was made by {made}, this is {format_versions(versions())}"
-        )
+        said = f"note: this trial differs from the stored one, which lasted {stored[0]} cycles"
+        which = f"the folder was made by {made}, this is {format_versions(versions())}"
+        print_stderr(f"{said}; its controller or the versions may have changed: {which}")
 
 
 def sweep_into(
@@ -218,7 +215,7 @@ def sweep_into(
     of_share = Share.parse(share) if share else None
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:
-            with word_if_slow(f"checking every point of {scenario.name}") as over:
+            with note_if_slow(f"checking every point of {scenario.name}") as over:
 
                 def begin(found: Sequence[Point]) -> None:
                     over()
@@ -234,29 +231,27 @@ def sweep_into(
                 run_sweep(scenario, folder, pool, bar, interpret=interpret, share=of_share, until=looks, begin=begin)
         except KeyboardInterrupt:
             if not (folder / DATABASE).exists():
-                print_stderr("stopped before the first trial; nothing was written")
-                raise typer.Exit(130) from None
-            # the last progress may lack a trial that was just stored
-            trials = bar.progress and bar.progress.trials
-            stored = f"{read_status(folder).stored} of {trials} trials are stored" if trials else "nothing is lost"
-            print_stderr(f"stopped; {stored}; go on with: {again}")
+                said = "stopped before the first trial; nothing was written"
+            elif bar.progress and (trials := bar.progress.trials):  # its own count may lack one that was just stored
+                said = f"stopped; {read_status(folder).stored} of {trials} trials are stored; go on with: {again}"
+            else:
+                said = f"stopped; nothing is lost; go on with: {again}"
+            print_stderr(said)
             raise typer.Exit(130) from None
     status = read_status(folder)
     print_status(status, as_json, None if looks is None else looks.table())
     if status.failed:
-        mend = f"; a measure may be mended, or left out, first: {folder / RUN_SCENARIO} has its file"
-        of_measure = any(" measure" in failure.error for failure in status.failed)
         failed = counted(len(status.failed), "trial")
-        print_stderr(f"{failed} failed; run again to retry them: {again}{mend * of_measure}")
+        said = f"{failed} failed; run again to retry them: {again}"
+        if any(" measure" in failure.error for failure in status.failed):
+            said += f"; a measure may be mended, or left out, first: {folder / RUN_SCENARIO} has its file"
+        print_stderr(said)
         raise typer.Exit(1)
 
 
 def _note_other_versions(folder: Path) -> None:
-    """Print which trials of a run folder were made by other versions, as their last digits may differ."""
     if (folder / DATABASE).exists():
         for row in read_status(folder).versions:
             if {**row.made_by, **versions()} != row.made_by:
-                print_stderr(
-                    f"note: {row.trials} trials were made by {format_versions(row.made_by)}; this is "
-                    f"{format_versions(versions())}: last digits may differ"
-                )
+                said = f"note: {row.trials} trials were made by {format_versions(row.made_by)}"
+                print_stderr(f"{said}; this is {format_versions(versions())}: last digits may differ")

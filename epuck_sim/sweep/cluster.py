@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
-from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from epuck_sim.errors import ClusterError, EpuckSimError
@@ -60,19 +59,20 @@ class DaskCluster:
             log.setLevel(level)
 
     def _connect(self) -> "Client":
-        for attempt in count():
+        has_said = False
+        while True:
             try:
                 client = _connect(self._address)
             except ClusterError:
                 if not self._has_answered:
                     raise
-                if not attempt:
+                if not has_said:
                     _say(self._address, "the scheduler is gone; waiting until it is started again, with workers")
+                has_said = True
                 time.sleep(LOOK_S)
             else:
                 self._has_answered = True
                 return client
-        raise AssertionError
 
 
 def _connect(address: str) -> "Client":
@@ -144,10 +144,8 @@ def call_if_same(
     other = {name: value for name, value in versions().items() if value != theirs.get(name)}
     if other:
         wanted = {name: theirs.get(name, "none") for name in other}
-        raise ClusterError(
-            f"a worker on {host()} has {format_versions(other)}, this command has {format_versions(wanted)}; start "
-            "workers with the same versions"
-        )
+        said = f"a worker on {host()} has {format_versions(other)}, this command has {format_versions(wanted)}"
+        raise ClusterError(f"{said}; start workers with the same versions")
     for scenario in {task.scenario.compiled: task.scenario for task in tasks}.values():
         try:
             found = own_files(scenario)

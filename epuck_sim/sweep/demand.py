@@ -41,10 +41,8 @@ def check_memory(points: Iterable[Point], workers: int) -> None:
     """Raise ScenarioError for a sweep whose trials need more memory on this machine than there is."""
     largest = max(point.scenario.memory_bytes for point in points)
     if lack := lack_of_memory(workers * largest):
-        raise ScenarioError(
-            f"a trial on each of {workers} workers {lack}; "
-            f"{in_bytes(largest)} each: give --workers {max(1, available_bytes() // largest)}, or smaller swarms"
-        )
+        advice = f"give --workers {max(1, available_bytes() // largest)}, or smaller swarms"
+        raise ScenarioError(f"a trial on each of {workers} workers {lack}; {in_bytes(largest)} each: {advice}")
 
 
 def describe_size(points: Sequence[Point]) -> str:

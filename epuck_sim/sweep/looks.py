@@ -57,10 +57,8 @@ class Looks:
         if not all(point.scenario.stop.has_t_sync for point in points):
             raise EpuckSimError("--until needs T_sync: give stop.order_parameter, or stop.when with stop.gives_t_sync")
         if scenario.trials < FIRST_LOOK:
-            raise EpuckSimError(
-                f"trials is {scenario.trials}, the most that --until may run at a point; allowed: "
-                f"{FIRST_LOOK} or more, such as --trials 1000"
-            )
+            said = f"trials is {scenario.trials}, the most that --until may run at a point"
+            raise EpuckSimError(f"{said}; allowed: {FIRST_LOOK} or more, such as --trials 1000")
         if self._key is None:
             return
         if "=" in self._key:

@@ -70,10 +70,8 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     needed = 24 + 2 * workers  # of this process, and of the server
     if (allowed := allow_files(needed)) is not None:
         enough = max(1, (allowed - 24) // 2)
-        raise EpuckSimError(
-            f"{workers} workers need {needed} open files; allowed: {allowed}, enough for {enough} workers; "
-            "ulimit -n raises this limit"
-        )
+        said = f"{workers} workers need {needed} open files; allowed: {allowed}, enough for {enough} workers"
+        raise EpuckSimError(f"{said}; ulimit -n raises this limit")
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
         try:
@@ -306,10 +304,8 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
         except pool.deaths as death:
             timeout_s = task.scenario.trial_timeout_s or math.inf
             is_late = time.monotonic() - began_s > timeout_s
-            died = (
-                f"its worker died: {death}; run it alone to see why, by --point {task.point} --trial {task.trial}, or "
-                "give fewer --workers if memory has run out"
-            )
+            alone = f"run it alone to see why, by --point {task.point} --trial {task.trial}"
+            died = f"its worker died: {death}; {alone}, or give fewer --workers if memory has run out"
             yield [make_outcome(task, None, out_of_time(timeout_s) if is_late else died)]
             return
 

@@ -121,7 +121,7 @@ def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
 def _run_task(task: Task, name: str, keys: dict[tuple[int, bool], Key], dog: "Watchdog") -> Outcome:
     dog.begin(name)
     try:
-        simulation, key = _begin(task, keys)
+        simulation, key = _simulation_of(task, keys)
         dog.watch_steps(_at_work(simulation))
         is_limited = task.scenario.trial_timeout_s is not None
         result, error = run_trial(simulation, progress=dog.check_time if is_limited else None), None
@@ -136,7 +136,7 @@ def _run_task(task: Task, name: str, keys: dict[tuple[int, bool], Key], dog: "Wa
     return make_outcome(task, result, error)
 
 
-def _begin(task: Task, keys: dict[tuple[int, bool], Key]) -> tuple[Any, Key | None]:
+def _simulation_of(task: Task, keys: dict[tuple[int, bool], Key]) -> tuple[Any, Key | None]:
     """Return the simulation of a trial, new or that of an earlier trial of its point after a reset, and its key.
 
     The simulation may be kept under the key, or must not be kept if that is None; `keys` caches those of a chunk.

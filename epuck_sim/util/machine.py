@@ -142,6 +142,5 @@ def check_port(port: int) -> None:
         try:
             attempt.bind((HOST, port))
         except OSError as error:
-            raise PortError(
-                f"port {port} cannot be used: {os.strerror(error.errno or 0)}; give another with --port"
-            ) from error
+            said = os.strerror(error.errno or 0)
+            raise PortError(f"port {port} cannot be used: {said}; give another with --port") from error

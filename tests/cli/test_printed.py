@@ -17,7 +17,7 @@ from rich.console import Console
 
 from epuck_sim import ParticleSimulation, TrialResult, __version__, load_scenario, run_trial
 from epuck_sim.cli import errors, progress, tables
-from epuck_sim.cli.errors import word_if_slow
+from epuck_sim.cli.errors import note_if_slow
 from epuck_sim.cli.plan import Duration, print_plan
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
 from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
@@ -150,7 +150,7 @@ def test_check_and_sweeps_say_what_points_and_trials_take_and_too_much_memory_is
 def test_what_takes_long_is_named_once(monkeypatch, capsys) -> None:
     monkeypatch.setattr(errors, "SLOW_S", 0.05)
     for lasts_s, said in ((0.0, ""), (0.3, "reading big.yaml takes a while; Ctrl-C ends it\n")):
-        with word_if_slow("reading big.yaml"):
+        with note_if_slow("reading big.yaml"):
             time.sleep(lasts_s)
         assert capsys.readouterr().err == said
 
