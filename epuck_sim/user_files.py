@@ -172,9 +172,10 @@ def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
             stamps, found = loaded.get(place, ([], None))
             if found is None or stamps != _stamps(found):
                 found = load(place)
-                stamps = _stamps(found)
-                # an edit while it was loaded may be older than the stamps: then they count for nothing
-                loaded[place] = stamps if _is_as_loaded(found) else [], found
+                stamps, sources = _stamps(found), found.sources.items()
+                # stamps of a file that was edited while it was loaded count for nothing
+                is_edited = any(path.exists() and path.read_bytes() != contents for path, contents in sources)
+                loaded[place] = [] if is_edited else stamps, found
             return found
 
     return load_if_new
@@ -182,10 +183,6 @@ def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
 
 def _stamps(loaded: HasSources) -> list[int]:
     return [source.stat().st_mtime_ns for source in loaded.sources if source.exists()]
-
-
-def _is_as_loaded(loaded: HasSources) -> bool:
-    return all(source.read_bytes() == contents for source, contents in loaded.sources.items() if source.exists())
 
 
 class PythonFile(NamedTuple):

@@ -5,6 +5,7 @@ Throughout `scenario`, every line of an error message begins with an `origin`, a
 """
 
 import re
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,7 +33,8 @@ Positive = Annotated[Number, Field(gt=0, le=LARGEST)]
 def check_range(key: str, value: float | None, least: float, most: float, why: str = "") -> None:
     """Raise ValueError unless a value, if there is one, is within limits that follow from other keys."""
     if value is not None and not least <= value <= most:
-        raise ValueError(f"{key} is {value:.7g}; allowed: {least:.7g} to {most:.7g}{why}")
+        shown = f"{value:.7g}" if abs(value) <= sys.float_info.max else short_yaml(value)
+        raise ValueError(f"{key} is {shown}; allowed: {least:.7g} to {most:.7g}{why}")
 
 
 class ConfigModel(BaseModel):
