@@ -20,12 +20,13 @@ from epuck_sim.util.messages import short_yaml
 def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
     """Return the keys that a key, or an ending of one, stands for: one, or one in each group of robots, or none.
 
-    Keys on which trials depend take precedence over those of sections such as `overhead` and `figure`.
+    Keys on which trials depend take precedence over others, such as those of `overhead` and `figure`.
     """
     if ending in keys:
         return [ending]
     found = [key for key in keys if ends_in(key, ending)]
-    found = [key for key in found if key.partition(".")[0] not in WITHOUT_EFFECT] or found
+    without_effect = WITHOUT_EFFECT | {"robot.height_cm"}  # only films depend on it
+    found = [key for key in found if without_effect.isdisjoint((key, key.partition(".")[0]))] or found
     if len({re.sub(r"^robots\.\d+\.", "", key) for key in found}) > 1:
         raise ScenarioError(f"{where}: {ending} is the ending of {len(found)} keys; give one of {', '.join(found)}")
     return found

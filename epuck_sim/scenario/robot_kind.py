@@ -253,7 +253,7 @@ class RobotKind(ConfigModel):
 
     kind: str = "epuck"
     """A shipped robot, an installed package's, or a file (.yaml), whose values the other keys have by default."""
-    radius_cm: Annotated[Positive, Field(ge=0.5, le=50)] = epuck.RADIUS_CM
+    radius_cm: Annotated[Number, Field(ge=0.5, le=50)] = epuck.RADIUS_CM
     """Radius of the body, a disc around the axle's centre."""
     height_cm: Positive = epuck.HEIGHT_CM
     """Height of the body; only films depend on it."""

@@ -175,7 +175,7 @@ class RobotGroup(ConfigModel):
     def _count_poses(cls, given: Any) -> Any:
         if isinstance(given, dict) and given.get("poses") is not None:
             poses = given["poses"]
-            count = {"count": len(poses)} if isinstance(poses, list | tuple) and poses else {}
+            count = {"count": len(poses)} if isinstance(poses, list | tuple) else {}
             return {"placement": "poses", **count, **given}
         return given
 
