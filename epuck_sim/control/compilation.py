@@ -126,6 +126,8 @@ def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: st
     lines = [line.strip() for line in innermost.splitlines()]
     reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
     reason = re.sub(r"^(Cannot cast .*?): .*", r"\1", reason)  # and not the value as LLVM writes it
+    if "(IMPORT_NAME)" in reason:
+        reason = "an import within a function; import at the beginning of the file"
     place = _place(reason, innermost, sources)
     if place is None:
         return f"{next(iter(sources))}: cannot be compiled{instead}: {reason}"
@@ -139,6 +141,6 @@ def _place(reason: str, message: str, sources: Mapping[Path, bytes]) -> tuple[Pa
     lacking = re.match(r"(?:Name|Key|Attribute)Error:.*'(\w+)'[^']*$", reason)
     if lacking and (place := first_use(lacking[1], sources)):
         return place
-    named = re.findall(r'(?:File "|" at )(.+?)(?:", line | \()(\d+)', message)
+    named = re.findall(r'(?:File "|" at |Raised from )(.+?)(?:", line | \()(\d+)', message)
     own = [(path, int(line)) for file, line in named if (path := Path(file).resolve()) in sources]
     return own[0] if own else None

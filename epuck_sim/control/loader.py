@@ -25,7 +25,7 @@ import numpy as np
 
 from epuck_sim.control.firmware import load_firmware
 from epuck_sim.control.interface import EXTERNAL, Controller, RobotCode, Sensor, Sensors
-from epuck_sim.control.names import ARGUMENTS, check_draws, check_own_names
+from epuck_sim.control.names import ARGUMENTS, DRAW, check_draws, check_own_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import AS_LOADED, Kind, Place, PythonFile, fingerprint, kept, load_python_file
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
@@ -39,9 +39,6 @@ CONTROLLER = Kind(
     shipped=partial(builtin_files, CONTROLLERS),
 )
 """How controllers are found."""
-
-DRAW = "draw by epuck_sim.util.rng.uniform(random)"
-"""Advice for controllers and sensors whose random numbers do not follow from the trial's seed."""
 
 
 def find_controller(name: str, folder: Path | None = None) -> Controller:

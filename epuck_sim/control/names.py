@@ -33,13 +33,16 @@ FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"),
 GENERATORS = re.compile(r"random|numpy\.random(\..*)?")
 """Modules of random generators: their numbers do not come from a robot's stream, nor repeat without a seed."""
 
+DRAW = "draw by epuck_sim.util.rng.uniform(random)"
+"""Advice for controllers and sensors whose random numbers do not follow from the trial's seed."""
+
 SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
 """Fields of a robot's record that a sensor sees."""
 
 
 def check_own_names(user: Controller | Sensor) -> None:
-    """Raise ControllerError, with line, for names that memory, actuators, readings, world or parameters lack."""
-    own: dict[str, Sequence[str]] = {"parameters": tuple(user.parameters)}
+    """Raise ControllerError, with line, for names that memory, actuators, readings, world and so on lack."""
+    own: dict[str, Sequence[str]] = {"parameters": tuple(user.parameters), "random": ()}
     if isinstance(user, Sensor):
         role, record = "readings", user.readings
         own |= {"world": World._fields, "robot": SEEN_OF_ROBOTS}
@@ -197,9 +200,10 @@ def _root(node: ast.AST) -> str:
 
 
 def unknown_name(role: str, name: str, names: Sequence[str]) -> str:
-    """Return the message about a name that sensors, memory, actuators or parameters do not have."""
+    """Return the message about a name that sensors, memory, actuators, parameters or random do not have."""
     nearest = nearest_name(name, names)
-    there = f"did you mean {nearest!r}?" if nearest else f"known: {comma_list(names)}"
+    known = DRAW if role == "random" else f"known: {comma_list(names)}"
+    there = f"did you mean {nearest!r}?" if nearest else known
     return f"{role} {'have' if role.endswith('s') else 'has'} no {name!r}; {there}"
 
 
