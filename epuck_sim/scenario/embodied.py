@@ -122,6 +122,10 @@ UNLIMITED_S = 600.0
 """Time limit in s, from its last change on, of a trial without a limit of its own whose reference is no oscillator."""
 
 
+MOST_MASS_RATIO = 20.0
+"""Largest ratio of masses of robots whose contacts Chipmunk solves: with 100, the heavy press others 4 cm into walls."""
+
+
 class EmbodiedStop(StopSection):
     """When a trial ends (thesis 4.2.1)."""
 
@@ -274,6 +278,10 @@ class EmbodiedScenario(Scenario):
             if least > most:
                 shown = f"signal {group.signal.kind} shows {most} at most: these robots see no flash"
                 found.append(f"robots.{number}.parameters.flash_pixels is {least:g}, but {shown}")
+        masses_g = [kind.mass_g for kind in self.robot_kinds if self.contact.robots] or [1.0]
+        if (ratio := max(masses_g) / min(masses_g)) > MOST_MASS_RATIO:
+            said = f"masses of robots differ by a factor of {ratio:.3g}: heavier ones press others into walls and each other"
+            found.append(f"{said}; keep them within {MOST_MASS_RATIO:g}")
         moved = {robot for entry in self.schedule for robot in entry.remove}
         for number, entry in enumerate(self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
