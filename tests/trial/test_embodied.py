@@ -24,8 +24,6 @@ from tests.trial import without_wall
 
 
 class Recorder:
-    """An observer that keeps what it is shown."""
-
     def __init__(self):
         self.numbers, self.rings, self.phases, self.watched = [], [], [], []
 
@@ -139,8 +137,7 @@ def step(sensors, memory, actuators, parameters, random):
 def test_a_reference_that_never_fires_keeps_no_trial_for_ever(tmp_path):
     robots = [{"count": 2, "controller": str(write(tmp_path / "own.py", NEVER_FIRES))}]
     for max_cycles in (1, 3):
-        scenario = {"robots": robots, "stop": {"max_cycles": max_cycles}}
-        result = run_trial(Simulation(scenario, interpret=True))
+        result = run_trial(Simulation({"robots": robots, "stop": {"max_cycles": max_cycles}}, interpret=True))
         assert (result.censored, result.cycles, result.steps) == (True, 0, 2 * max_cycles * 51)
 
 

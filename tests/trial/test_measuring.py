@@ -52,8 +52,7 @@ def measured(scenario, measures, seed=3, observers=(), settings=SHORT):
     return run_trial(simulate(loaded, seed), observers)
 
 
-def onlooking(*_) -> None:
-    """Observe a trial, of which every event is then seen."""
+def onlooking(*_) -> None: ...
 
 
 def without_measures(result):
@@ -101,15 +100,12 @@ def test_cycles_of_robots_without_oscillators_last_five_seconds(hz, tmp_path):
 
 
 @pytest.mark.parametrize("scenario", MODELS)
-def test_a_function_is_called_with_the_simulation_at_the_end(scenario, tmp_path):
+def test_a_function_is_called_with_the_simulation_at_the_end_and_its_error_has_a_class(scenario, tmp_path):
     path = write(tmp_path / "mine.py", "def product(simulation, *, factor=2): return factor * simulation.seed")
     assert measured(scenario, [str(path)], seed=21).measures == {"product": 42}
-
-
-def test_programs_tell_the_error_of_a_measure_from_others_by_its_class(tmp_path):
-    path = write(tmp_path / "mine.py", "def mine(simulation): return 1 / 0")
+    wrong = write(tmp_path / "wrong.py", "def wrong(simulation): return 1 / 0")
     with pytest.raises(MeasureError, match="ZeroDivisionError"):
-        measured("particles", [str(path)])
+        measured(scenario, [str(wrong)])
 
 
 def test_a_value_is_a_number_of_python_a_truth_value_or_none_and_so_are_those_of_lists():
@@ -145,13 +141,14 @@ def values(case: str, observers=(), *, interpret: bool = False) -> dict:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_they_find_what_they_find_step_by_step(case: str) -> None:
-    at_once, one_by_one = values(case), values(case, [lambda *_: None])
+def test_they_find_what_they_find_step_by_step_and_where_controllers_are_interpreted(case: str) -> None:
+    at_once, one_by_one = values(case), values(case, [onlooking])
     assert at_once.steps == one_by_one.steps > 2 * MOST_STEPS
     for name, value in at_once.measures.items():
         found, expected = np.array(value, float), np.array(one_by_one.measures[name], float)
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12, err_msg=name)
-    assert at_once._replace(measures={}, wall_s=0) == one_by_one._replace(measures={}, wall_s=0)
+    assert without_measures(at_once) == without_measures(one_by_one)
+    assert values(case, interpret=True).measures == at_once.measures
 
 
 OF_AGENTS = [name for name in SHIPPED if hasattr(find_measure(name).make, "batch")]
@@ -176,9 +173,8 @@ def test_many_cycles_at_once_are_as_one_by_one_and_as_those_of_short_slices(case
     names = [name for name in OF_AGENTS if not (name.startswith("perturb") and case == "a change at a cycle")]
     measures = [{name: {"displacement": 1e-6}} if name.startswith("perturb") else name for name in names]
     given = {"agents.speed_cm_s": 4.0, "stop": {"order_parameter": None, "max_cycles": 300}, **AGENT_CASES[case]}
-    scenario = load_scenario(
-        {"model": "particles", "measures": measures}, [f"{key}={json.dumps(value)}" for key, value in given.items()]
-    )
+    changes = [f"{key}={json.dumps(value)}" for key, value in given.items()]
+    scenario = load_scenario({"model": "particles", "measures": measures}, changes)
     at_once, one_by_one = (run_trial(simulate(scenario, 3), observers) for observers in ([], [onlooking]))
     monkeypatch.setattr(particles, "FIRST_SLICE", 1)
     in_slices = run_trial(simulate(scenario, 3))
@@ -199,11 +195,6 @@ def test_a_trial_that_is_broken_off_records_no_more() -> None:
     assert simulation.cycles == 500
 
 
-def test_interpreted_controllers_make_the_same_stretches() -> None:
-    compiled, interpreted = values("faults"), values("faults", interpret=True)
-    assert compiled.measures == interpreted.measures
-
-
 STOP = {"max_cycles": 12, "order_parameter": None}
 SCHEDULE = [
     {"at_cycle": 3, "set": {"robots.0.parameters.speed_cm_s": 0}},
@@ -213,8 +204,6 @@ SCHEDULE = [
 
 
 class Firings:
-    """Notes what it sees of a trial."""
-
     def __init__(self):
         self.steps, self.orders, self.ahead = {}, {}, []
 
@@ -283,14 +272,13 @@ class Steps:
 
 def test_a_condition_on_a_measure_of_steps_acts_in_the_next_one_or_after_firings_in_a_row(tmp_path):
     (tmp_path / "mine.py").write_text(STEPS)
-    measures, stop = [f"{tmp_path / 'mine.py'}:Steps"], {"max_cycles": 12, "order_parameter": None}
+    measures = [f"{tmp_path / 'mine.py'}:Steps"]
     schedule = [
         {"when": "Steps >= 60", **STILL},
         {"when": "Steps >= 60", "for_cycles": 1, "displace": {"by_cycles": 0.1}},
         {"when": {"measure": "Steps", "relation": ">=", "value": 60}, "for_cycles": 9, **STILL},
     ]
-    scenario = load_scenario({"schedule": schedule, "stop": stop, "measures": measures})
-    seen = Firings()
+    scenario, seen = load_scenario({"schedule": schedule, "stop": STOP, "measures": measures}), Firings()
     steps = {event.source: event.step for event in run_trial(Simulation(scenario, 3), [seen]).events}
     holds = [step for cycle, step in seen.steps.items() if cycle and (step + 1) % 120 >= 60]
     assert steps == {"schedule.0": 60, "schedule.1": holds[0] + 1}

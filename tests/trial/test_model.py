@@ -3,7 +3,6 @@
 import math
 import multiprocessing
 import time
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, Literal
 
@@ -30,14 +29,7 @@ from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.trial import particles
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate
-from epuck_sim.trial.result import (
-    WINDOW,
-    TrialResult,
-    TrialState,
-    _of_random_phases,
-    hopelessness_watch,
-    is_hopeless,
-)
+from epuck_sim.trial.result import WINDOW, TrialResult, TrialState, _of_random_phases, hopelessness_watch, is_hopeless
 from tests.particles.simulations import KINDS, any_sections, make_resting, make_simulation
 from tests.trial import without_wall
 
@@ -92,9 +84,7 @@ def test_a_trial_is_run_as_its_model_s_once_and_progress_is_shown_before_observe
         assert seen == list(range(1, expected.steps + 1))
 
 
-@pytest.mark.parametrize(
-    ("name", "settings"), [("thesis", []), ("particles", ["agents.speed_cm_s=50", "agents.count=6"])]
-)
+@pytest.mark.parametrize(("name", "settings"), [("thesis", []), ("particles", ["speed_cm_s=50", "count=6"])])
 def test_synchrony_at_the_very_limit_of_cycles_is_not_censored(name: str, settings: list[str]) -> None:
     free = run_trial(simulate(load_scenario(name, settings), 2))
     assert free.t_sync_cycles > 1
@@ -373,21 +363,13 @@ if multiprocessing.parent_process() is not None:  # a worker, which has to know 
     register_model("dice", MODEL)
 
 
-@pytest.fixture
-def dice(monkeypatch) -> dict[str, Any]:
-    """Register the model for one test, and no longer, as others list the models there are; return a scenario's keys."""
-    for table in (SCENARIO_TYPES, MODELS):
+def test_a_third_model_is_swept_by_worker_processes_stored_and_summarised_and_no_page(tmp_path, monkeypatch) -> None:
+    for table in (SCENARIO_TYPES, MODELS):  # for this test alone: others list the models there are
         monkeypatch.setitem(table, "dice", None)
     register_model("dice", MODEL)
-    return {"name": "dice", "model": "dice"}
-
-
-def test_a_third_model_is_no_page(dice, tmp_path: Path) -> None:
+    dice = {"name": "dice", "model": "dice"}
     with pytest.raises(ScenarioError, match="dice: model: pages run embodied and particles alone; use `epuck-sim run`"):
         write_page(dice, tmp_path / "page.html")
-
-
-def test_a_third_model_is_swept_by_worker_processes_stored_and_summarised(dice, tmp_path: Path) -> None:
     sweep = {**dice, "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
     progress = epuck_sim.run_sweep(sweep, tmp_path / "run", lambda: local_pool(1))
     assert (progress.stored, progress.failed) == (40, 0)
