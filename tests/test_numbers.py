@@ -74,10 +74,9 @@ OTHERWISE = {
     *("embodiment-agents", "reflections", "k-nearest", "v-f"),  # tables alone
 }
 QUICK = ("fig-2-6", "kilobot-ranges")
-DRAWN = [
+DRAWN = [  # tables of which `plot` draws T_sync
     pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in TABLE_NAMES if name not in OTHERWISE
 ]
-"""Tables of which `plot` draws T_sync."""
 
 
 @pytest.mark.parametrize("name", DRAWN)

@@ -15,8 +15,7 @@ from tests.benchmarks.test_particle_speed import make_simulation
 
 NEAREST = {"kind": "nearest", "k": 1}
 CYCLES = 4
-FIRINGS = 100_000
-"""Firings before the last cycle, at least."""
+FIRINGS = 100_000  # before the last cycle, at least
 
 
 def cost_ns(simulation: ParticleSimulation, periods: int) -> float:

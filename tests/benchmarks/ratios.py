@@ -22,7 +22,7 @@ from tests.benchmarks.measuring import swarm_of
 
 HISTORY = Path(__file__).parents[2] / "docs" / "figures" / "speed_history.csv"
 
-SWARMS = {
+SWARMS = {  # robots, the side of their arena in cm, and their speed in cm/s
     "10 robots": (10, 60, 3.0),
     "10 fast robots": (10, 60, 12.8),
     "20 robots": (20, 100, 3.0),
@@ -30,16 +30,13 @@ SWARMS = {
     "300 robots": (300, 400, 3.0),
     "1000 robots": (1000, 700, 3.0),
 }
-"""Robots, the side of their arena in cm, and their speed in cm/s."""
 
 AGENTS = {"20 agents": 20, "100 agents": 100, "1000 agents": 1000}
 """Agents in a square metre at 1 cm/s that hear their nearest neighbour."""
 
-BLOCK = 50
-"""Control steps that a side takes in its turn."""
+BLOCK = 50  # control steps that a side takes in its turn
 
-FIRINGS = 2000
-"""Firings of the loop of numpy in its turn."""
+FIRINGS = 2000  # of the loop of numpy in its turn
 
 
 def compare(ours: Callable[[], object], theirs: Callable[[], object], turns: int) -> tuple[float, float]:

@@ -31,11 +31,9 @@ SCENARIOS = {
     for agents, cycles in [(20, 300), (1000, 5)]
 }
 
-PAIRS = 5
-"""Trials with and without a measure that take turns; their medians count."""
+PAIRS = 5  # trials with and without a measure that take turns; their medians count
 
-GIVEN = {"memory": {"name": "rotation_time"}}
-"""Parameters, where the defaults make no sense."""
+GIVEN = {"memory": {"name": "rotation_time"}}  # parameters, where the defaults make no sense
 
 
 def with_measure(sections: dict[str, Any], name: str) -> Scenario:

@@ -24,8 +24,7 @@ SIZES = {"480 x 480": (480, 480), "1080p": (1920, 1080)}
 FILM_S = {"480 x 480": 20, "1080p": 5}
 HOUR_S = 3600
 REAL_TIME = 15
-TIMES_REAL_TIME = 10
-"""Required speed of the tracker at 480 x 480, in multiples of real time."""
+TIMES_REAL_TIME = 10  # required speed of the tracker at 480 x 480, in multiples of real time
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,7 @@ from epuck_sim.recording import Level
 from epuck_sim.trial.embodied import SynchronyWatch
 from tests.benchmarks.measuring import resident_kb, swarm_of
 
-SWARMS = {10: (60, 6000), 100: (221, 3000), 1000: (700, 600)}
-"""Robots: side of their arena in cm, steps."""
+SWARMS = {10: (60, 6000), 100: (221, 3000), 1000: (700, 600)}  # robots: side of their arena in cm, steps
 
 COLUMNS = "robots", "level", "us a step", "over the step", "kB a minute", "ms an empty one"
 

@@ -13,8 +13,7 @@ import pytest
 from epuck_sim.embodied.simulation import Simulation
 from tests.benchmarks.measuring import take_turns
 
-SWARMS = {10: 60, 100: 200, 1000: 700}
-"""Robots, and the side of their arena in cm."""
+SWARMS = {10: 60, 100: 200, 1000: 700}  # robots, and the side of their arena in cm
 
 CAMERA, DARK = "camera", "dark"
 
@@ -34,8 +33,7 @@ OSCILLATING = {"coupling": 1e-6}
 STAYING_DARK = OSCILLATING | {"period_s": 86_400.0, "flash_fraction": 1e-6}
 """Parameters of controllers; nearly no ring is ever lit in a trial as short as these."""
 
-BLOCK = 50
-"""Steps in a turn: a period of the rings."""
+BLOCK = 50  # steps in a turn: a period of the rings
 
 
 COLUMNS = "signal", "robots", "us a step", "over the camera's", "a whole step over its"

@@ -134,10 +134,9 @@ from tests.cli.commands import call
 from tests.sweep.pool_here import pool_here
 scheduler.local_pool = pool_here
 print(json.dumps([(done.exit_code, done.stderr) for done in (call(*words.split()) for words in json.load(sys.stdin))]))
-"""
-"""Calls commands in a process that cannot import any of the optional packages."""
+"""  # calls commands in a process that cannot import any of the optional packages
 
-LACKING = {
+LACKING = {  # which package each command lacks, and the extra that installs it
     "plot runs": ("matplotlib", "plot"),
     "report runs --to page.html": ("matplotlib", "plot"),
     "export runs --to trials.csv": ("pyarrow", "table"),
@@ -148,7 +147,6 @@ LACKING = {
     "run pair --live": ("rerun-sdk", "view"),
     "track film.mp4": ("opencv-python-headless", "film"),
 }
-"""Which package each command lacks, and the extra that installs it."""
 
 
 def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_they_lack(tmp_path) -> None:

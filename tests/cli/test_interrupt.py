@@ -31,8 +31,7 @@ ENDLESS = with_step("""memory.x += 1
     if memory.x > 5:
         print("in the loop")
     while memory.x > 5:
-        memory.x += 1""")
-"""A controller that never returns from its sixth step."""
+        memory.x += 1""")  # a controller that never returns from its sixth step
 
 
 @pytest.fixture
@@ -105,8 +104,7 @@ while True:
         time.sleep(600)
     except BaseException:
         print('caught', flush=True)
-"""
-"""One that goes on whatever is raised."""
+"""  # one that goes on whatever is raised
 
 
 def importing(folder: Path, end: str) -> subprocess.Popen:
@@ -177,8 +175,7 @@ end_on_request()
 with exit_on_error():
     {}()
     time.sleep(60)
-"""
-"""A program that is asked to end while Python raises nothing, in a destructor, or while it makes an object."""
+"""  # a program that is asked to end while Python raises nothing, in a destructor, or while it makes an object
 
 
 @pytest.mark.parametrize("name", ["Slow", "HalfMade"])

@@ -29,8 +29,7 @@ def start(memory, parameters, random):
 
 def step(sensors, memory, actuators, parameters, random):
     pass
-"""
-"""A controller that does nothing: tests replace parts of it."""
+"""  # a controller that does nothing: tests replace parts of it
 
 
 def controlled_swarm(controllers, counts, pixels, *, interpret=True, **rooms):

@@ -28,7 +28,7 @@ from tests.tools import needs_compiler
 LIMIT_CM_S, BEYOND_CM_S = 12.8, np.nextafter(12.8, 13)
 SPEEDS_CM_S, TOO_FAST_CM_S = (-LIMIT_CM_S, LIMIT_CM_S), (-BEYOND_CM_S, BEYOND_CM_S)
 
-LIMITS = [
+LIMITS = [  # controller, parameter, its values at limits and beyond, and other parameters
     ("obstacle_avoidance", "speed_cm_s", (0.0, LIMIT_CM_S), (-5e-324, BEYOND_CM_S), {}),
     ("obstacle_avoidance", "rotation_speed_cm_s", (0.0, LIMIT_CM_S), (-5e-324, BEYOND_CM_S), {}),
     ("obstacle_avoidance", "proximity_threshold", (0, 99), (-1, 100), {}),
@@ -56,7 +56,6 @@ LIMITS = [
     ("varied_firefly", "speed_spread", (0.0, 10.0), (-0.1, 11.0), {}),
     ("varied_firefly", "new_speed_s", (0.0,), (-1.0,), {}),
 ]
-"""Controller, parameter, its values at limits and beyond, and other parameters."""
 SPEEDS = st.floats(-12.8, 12.8)
 STEP_S = 0.1
 ARENA = {"width_cm": 100, "height_cm": 100}

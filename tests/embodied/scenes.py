@@ -28,8 +28,7 @@ EDGE_CM = 1e-9
 SEEDS = st.integers(0, 2**32 - 1)
 
 _RIGHT = np.array([(3.35, -1.05, -18), (2.30, -2.60, -45), (0.00, -3.30, -90), (-3.00, -1.80, -142)])
-SENSORS = np.vstack([_RIGHT, _RIGHT[::-1] * (1, -1, -1)])
-"""(8, 3) x cm, y cm, direction in degrees."""
+SENSORS = np.vstack([_RIGHT, _RIGHT[::-1] * (1, -1, -1)])  # (8, 3) x cm, y cm, direction in degrees
 
 
 def kind_of(radius_cm, forward_cm, sensors, spread_deg, *response) -> RobotKind:
@@ -47,15 +46,11 @@ BODIES = (E_PUCK, SMALL, LARGE)
 
 
 class Scene(NamedTuple):
-    poses: FloatArray
-    """(robots, 3) x cm, y cm, heading rad."""
-    lit: BoolArray
-    """(robots,) whether each ring is on."""
+    poses: FloatArray  # (robots, 3) x cm, y cm, heading rad
+    lit: BoolArray  # (robots,) whether each ring is on
     arena: Arena
-    body: RobotKind = E_PUCK
-    """The kind whose sensors they have."""
-    others_cm: FloatArray | None = None
-    """(robots,) radius of each, where that is not the kind's."""
+    body: RobotKind = E_PUCK  # the kind whose sensors they have
+    others_cm: FloatArray | None = None  # (robots,) radius of each, where that is not the kind's
 
     @property
     def radii_cm(self) -> FloatArray:
@@ -89,8 +84,7 @@ class CameraSettings(NamedTuple):
 
 
 CAMERA, INFRARED = CameraSettings(), InfraredSection()
-ADDRESSES = np.zeros(3, np.int64)
-"""Addresses of a swarm that calls nothing."""
+ADDRESSES = np.zeros(3, np.int64)  # of a swarm that calls nothing
 
 
 def block_of(scene: Scene, camera=CAMERA, observer=0, infrared=INFRARED, noise_counts=0.0) -> SimpleNamespace:

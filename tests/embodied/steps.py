@@ -38,8 +38,7 @@ def bits(step):
 
 
 SHOWN = ("poses", "ring_on", "ring_commands", "camera", "infrared", "distance_mm", "phase_ms")
-NOWHERE = np.zeros(0, np.int64)
-"""Addresses for kernels that call nothing."""
+NOWHERE = np.zeros(0, np.int64)  # for kernels that call nothing
 
 
 def swarm_of(simulation):
@@ -125,7 +124,7 @@ def coming_and_going(signal):
     }
 
 
-CHANGING = {
+CHANGING = {  # scenarios in which something changes within six seconds
     "faulty": FAULTY,
     "scheduled": SCHEDULED,
     "rebuilt": REBUILT,
@@ -137,4 +136,3 @@ CHANGING = {
     },
     **{f"by signal {number}": coming_and_going(signal) for number, signal in enumerate(SIGNALS)},
 }
-"""Scenarios in which something changes within six seconds."""

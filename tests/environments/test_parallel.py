@@ -20,8 +20,7 @@ from tests.control.bench import with_sense
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
 DANCERS = {"name": "dancers", "robots": [{"count": 4, "controller": "external_wheels"}]}
 BLINKERS = {"name": "blinkers", "robots": [{"count": 2, "controller": "external_ring"}]}
-AGENTS = ["robot_0", "robot_1", "robot_2"]
-"""Those of `SWARM`."""
+AGENTS = ["robot_0", "robot_1", "robot_2"]  # those of `SWARM`
 
 
 @pytest.mark.parametrize("actions", ["continuous", "discrete"])

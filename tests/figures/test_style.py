@@ -30,18 +30,16 @@ from tests.runs.made_folders import rows
 MIN_CONTRAST = 3.0  # of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)
 MIN_DISTANCE = 26.0  # in CIELAB; between neighbours of Okabe and Ito's colours it is 16
 
-VISIONS = {
+VISIONS = {  # what eyes make of linear RGB (Machado, Oliveira and Fernandes 2009, severity 1)
     "normal": np.eye(3),
     "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
     "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
     "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
 }
-"""What eyes make of linear RGB (Machado, Oliveira and Fernandes 2009, severity 1)."""
 
-TO_XYZ = np.array(
+TO_XYZ = np.array(  # from linear sRGB to CIE XYZ
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
 )
-"""From linear sRGB to CIE XYZ."""
 
 
 def linear(colour: str) -> FloatArray:

@@ -137,14 +137,13 @@ def trace_values(path: Path) -> dict[str, Any]:
     }
 
 
-READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
+READERS: dict[str, Callable[[Path], dict[str, Any]]] = {  # the reader of each file
     **dict.fromkeys((RUN, *SHARES), run_values),
     **dict.fromkeys(RECORDINGS, recording_values),
     FILM: film_values,
     LENS: lambda path: read_lens(path, LENS_SIZE)._asdict(),
     TRACE: trace_values,
 }
-"""The reader of each file."""
 
 
 def values(folder: Path, name: str) -> dict[str, Any]:

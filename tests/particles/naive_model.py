@@ -15,20 +15,17 @@ from epuck_sim import ParticleScenario, ParticleSimulation
 from epuck_sim.arrays import BoolArray, FloatArray, StreamArray
 from epuck_sim.util.rng import uniform
 
-SIMULTANEITY_CYCLES = 1e-12
-"""Firings that are no farther apart than this happen at once."""
+SIMULTANEITY_CYCLES = 1e-12  # firings that are no farther apart than this happen at once
 
 
 class NaiveEvent(NamedTuple):
     """What happens at one time, and how close its decisions were."""
 
-    time: float
-    """Cycles since the beginning."""
+    time: float  # cycles since the beginning
     turned: int | None
     fired: frozenset[int]
     received: frozenset[int]
-    margin: float
-    """Relative margin of the closest decision; one of the size of rounding errors may go either way."""
+    margin: float  # relative margin of the closest decision; one of the size of rounding errors may go either way
 
 
 def receivers_of(

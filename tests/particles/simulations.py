@@ -12,8 +12,7 @@ from epuck_sim.particles.oscillators import forget_earliest
 from epuck_sim.particles.simulation import ParticleSimulation
 from tests.particles.naive_model import NaiveModel
 
-TOO_CLOSE = 1e-11
-"""Relative margin below which a decision may go either way, because the kernel rounds differently."""
+TOO_CLOSE = 1e-11  # relative margin below which a decision may go either way, because the kernel rounds differently
 
 UNLIKELY = 1e-4
 """The p-value below which a sample does not fit: seeds are fixed, and what is wrong gives far less than this."""

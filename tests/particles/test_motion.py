@@ -11,8 +11,7 @@ from tests.particles.simulations import UNLIKELY, make_simulation, set_trajector
 
 CLOSED = [(1, "bounded"), *itertools.product((1, 2, 3), ("cyclic", "mirrored"))]
 """Dimensions and boundaries of spaces with a closed form."""
-FAR = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}}
-"""Sections of agents that come near no wall."""
+FAR = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}}  # sections of agents that come near no wall
 BROWNIAN = {"kind": "brownian", "run_s": 2.0}
 CORRELATED = {"kind": "correlated", "run_s": 0.5, "persistence": 0.8}
 

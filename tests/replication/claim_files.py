@@ -7,7 +7,7 @@ from tests.cli.commands import call
 
 SPEED = "agents.speed_cm_s"
 
-SWEEP = {
+SWEEP = {  # agents that all hear all: with a strong coupling they are several times as fast, whatever their speed
     "scenario": "particles",
     "keys": {
         "trials": 12,
@@ -18,7 +18,6 @@ SWEEP = {
         "figure": {"panels": "response.coupling"},
     },
 }
-"""Agents that all hear all: with a strong coupling they are several times as fast, whatever their speed."""
 
 FASTER = {"test": "ratio", "between": [{"response.coupling": 0.05}, {"response.coupling": 0.4}], "where": {SPEED: 1}}
 OURS = {"reading": "the margin", "changed": "The margin.", "quantifier": "far", "source": "Doe (2009)"}
@@ -31,7 +30,7 @@ def claim(name: str, *checks: dict, **keys) -> dict:
 
 
 RISE = {"test": "largest_rise", "along": SPEED, "where": {"response.coupling": 0.4}, "within": [0.999, 1.001]}
-EVERY_VERDICT = [
+EVERY_VERDICT = [  # claims with each of the verdicts, and one that needs no trials
     claim("A1", {**FASTER, "below": 1}),
     claim("A2", {**FASTER, "above": 1}, otherwise="Slower ones | of another kind."),
     claim("A3", RISE),
@@ -41,7 +40,6 @@ EVERY_VERDICT = [
     claim("A7", {**FASTER, "rises": True}, **OURS),
     {"id": "A8", "section": "9", "claim": "Claim A8", "no_claim": "An open question"},
 ]
-"""Claims with each of the verdicts, and one that needs no trials."""
 
 
 def write_claims(folder: Path, claims: list[dict] = EVERY_VERDICT, sweep: dict = SWEEP) -> Path:

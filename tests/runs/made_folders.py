@@ -30,8 +30,7 @@ PIXELS, LIMIT, SECONDS = "robots.0.camera.central_pixels", "stop.max_cycles", "s
 MANY_SPEEDS = [0.05, 0.08, 0.13, 0.2, 0.32, 0.5, 0.8, 1.3, 2.0, 3.2, 5.0, 8.0, 12.8]
 SPEEDS = [0.2, 0.5, 1.0, 2.0, 5.0]
 
-SHAPE = 1.35
-"""Of the Weibull distributions that trials are drawn from."""
+SHAPE = 1.35  # of the Weibull distributions that trials are drawn from
 
 LOW, PEAK, STEEPNESS = -0.6, 0.3, 4.0
 
@@ -156,8 +155,7 @@ def edit(folder: Path, statement: str, *values: Any) -> None:
             sign(connection, table)
 
 
-FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
-"""Names of the files in a run folder without users' files."""
+FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}  # names of the files in a run folder without users' files
 
 MINE = with_step("actuators.left_cm_s = parameters.pace", PARAMETERS='{"pace": 2.0, "loud": True}')
 

@@ -318,14 +318,13 @@ def test_a_folder_that_lacks_newer_keys_belongs_to_the_scenario_with_their_defau
 EYE = "READINGS = {'eye': float}\ndef sense(w, robot, readings, p, r): readings.eye = NUMBER\n"
 CURVE = "def phase_shift(phase, coupling, parameters):\n    return NUMBER * coupling\n"
 FIRMWARE = "#define PARAMETERS\n#define MEMORY\n#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { NUMBER; }\n"
-OWN = {
+OWN = {  # the key that names each file of a user's, and what is in it
     "eye.py": ("robots.0.sensors=[{}]", EYE),
     "mine.py": ("robots=[{{count: 2, controller: {}}}]", with_step("actuators.left_cm_s = NUMBER")),
     "mine.c": ("robots=[{{count: 2, controller: {}}}]", FIRMWARE),
     "curve.py": ("response.curve={}", CURVE),
     "ground.png": ("arena.floor.picture={}", ""),
 }
-"""The key that names each file of a user's, and what is in it."""
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[needs_compiler] * (name == "mine.c")) for name in OWN])

@@ -73,10 +73,8 @@ def frames(path: Path) -> Any:
 
 
 class Row(NamedTuple):
-    words: str
-    """The command, in a folder with what `prepare` has made."""
-    target: str
-    """What it makes."""
+    words: str  # the command, in a folder with what `prepare` has made
+    target: str  # what it makes
     read: Callable[[Path], Any]
     """Returns what is in that: rows of a run folder, or something that is the same whenever a file is whole."""
 
@@ -111,8 +109,7 @@ TEMPORARY = "short temporary folder"
 
 LOCAL_POOL = scheduler.local_pool
 
-EVER = 2**40
-"""More calls than a command makes."""
+EVER = 2**40  # more calls than a command makes
 
 
 class End(NamedTuple):

@@ -266,8 +266,7 @@ class Steps:
 
     def value(self):
         return self.count % 120
-"""
-"""A measure that is 60 or more, and then less, for some seconds each."""
+"""  # a measure that is 60 or more, and then less, for some seconds each
 
 
 def test_a_condition_on_a_measure_of_steps_acts_in_the_next_one_or_after_firings_in_a_row(tmp_path):

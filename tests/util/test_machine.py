@@ -23,8 +23,7 @@ for module, names in {os: ("getuid", "geteuid", "fork"), signal: ("SIGHUP", "pth
     for name in names:
         delattr(module, name)
 multiprocessing.get_all_start_methods = lambda: ["spawn"]
-"""
-"""Takes away, from every process that is started, what Windows does not have."""
+"""  # takes away, from every process that is started, what Windows does not have
 
 COMMANDS = """
 from tests.cli.commands import call

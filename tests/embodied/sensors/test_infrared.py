@@ -16,8 +16,7 @@ from epuck_sim.scenario.robots import InfraredSection
 from tests.embodied import scenes
 
 NOTHING_MM = 65535
-E_PUCKS = np.zeros(1, INFRARED).view(np.recarray)[0]
-"""The e-puck's sensors."""
+E_PUCKS = np.zeros(1, INFRARED).view(np.recarray)[0]  # the e-puck's sensors
 
 infrared.set_infrared(E_PUCKS, EPUCK, InfraredSection(), 0.0)
 
