@@ -102,7 +102,7 @@ def test_an_edit_compiles_the_rooms_anew_that_use_it_and_kernels_are_kept_under_
         return 1
 
     monkeypatch.setattr(native, "compile_cached", lambda _, contents_digest, **__: contents_digest)
-    for module in ("epuck_sim.embodied.sensors.camera", "tests.embodied.sensors.test_camera"):
+    for module in ("epuck_sim.embodied.sensors.camera", "tests.embodied.sensors.test_sight"):
         kernel.__module__ = module
         assert jit.jit(kernel).for_python == kernel_digest("embodied")
     # which depends on where one content ends and the next begins
