@@ -61,18 +61,14 @@ EVERYTHING = [
     {"kind": "wheels_dead", "count": 2, "per_hour": 900, "mean_s": 4},
     {"kind": "restart", "per_hour": 300},
 ]
-FAULTY = {
-    "faults": EVERYTHING,
-    "robots": [
-        {"count": 4, "camera": {"frames_per_s": 8, "latency_ms": 50}},
-        {"count": 4, "signal": {"kind": "cone", "angle_deg": 90}},
-    ],
-}
+SLOW_CAMERA = {"frames_per_s": 8, "latency_ms": 50}
+ANGULAR = {"kind": "cone", "angle_deg": 90}
+FAULTY = {"faults": EVERYTHING, "robots": [{"count": 4, "camera": SLOW_CAMERA}, {"count": 4, "signal": ANGULAR}]}
 
+ONE_AND_TWO = [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}]
+APART = {"robots": ONE_AND_TWO, "noise": "off", "arena": {"width_cm": 100}}
 SCHEDULED = {
-    "robots": [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}],
-    "noise": "off",
-    "arena": {"width_cm": 100},
+    **APART,
     "faults": [{"kind": "ring_dead", "robots": [1], "scheduled": True}],
     "schedule": [
         {"at_s": 1.0, "set": {"robots.1.parameters.speed_cm_s": 1.5, "robots.1.parameters.coupling": 0.3}},
@@ -110,7 +106,7 @@ def coming_and_going(signal):
     """Return a scenario in which robots that sense each other by this signal come and go."""
     first = {"count": 6, "signal": signal, "placement": "grid"}
     if signal["kind"] == "camera":
-        first["camera"] = {"frames_per_s": 8, "latency_ms": 50}
+        first["camera"] = SLOW_CAMERA
     return {
         "robots": [first, {"count": 3, "present": False, "signal": signal, "placement": "grid"}],
         "schedule": [

@@ -115,13 +115,8 @@ def test_groups_without_robots_change_nothing(scenario, tmp_path, monkeypatch):
     alone = scenario | {"sensors": ["place.py"], "faults": faults}
     first, *others = scenario["robots"]
     own = {key: value for key, value in first.items() if key != "count"} | {"count": 0}
-    groups = [
-        own | {"controller": "random_walk"},
-        first,
-        own | {"placement": "poses", "poses": []},
-        *others,
-        own | {"controller": "mine.c"},
-    ]
+    nowhere, walking = {"placement": "poses", "poses": []}, {"controller": "random_walk"}
+    groups = [own | walking, first, own | nowhere, *others, own | {"controller": "mine.c"}]
     found, expected = (steps_of(each, 60) for each in (alone | {"robots": groups}, alone))
     assert all(found[name].tobytes() == values.tobytes() for name, values in expected.items())
     interpreted = Simulation(alone | {"robots": groups[:-1]}, 3, interpret=True).advance(20)
@@ -222,17 +217,13 @@ def test_no_step_makes_numba_look_for_types_anew(monkeypatch):
         next(simulation)
 
 
-UNLIKE = load_scenario(
-    {
-        "robots": [
-            {"count": 8, "camera": {"pixels": 20}, "memory": {"phase_ms": [*range(0, 4000, 500)]}},
-            {"count": 12, "controller": "external"},
-            {"count": 5, "placement": "grid", "parameters": {"speed_cm_s": 2}, "camera": {"frames_per_s": 7}},
-        ],
-        "contact": {"friction": 0.3},
-        "arena": {"width_cm": 70, "height_cm": 70},
-    }
-)
+THREE_GROUPS = [
+    {"count": 8, "camera": {"pixels": 20}, "memory": {"phase_ms": [*range(0, 4000, 500)]}},
+    {"count": 12, "controller": "external"},
+    {"count": 5, "placement": "grid", "parameters": {"speed_cm_s": 2}, "camera": {"frames_per_s": 7}},
+]
+CROWD = {"robots": THREE_GROUPS, "contact": {"friction": 0.3}, "arena": {"width_cm": 70, "height_cm": 70}}
+UNLIKE = load_scenario(CROWD)
 
 
 def test_many_resets_in_crowds_leave_no_body_behind():
@@ -253,8 +244,7 @@ def test_many_resets_in_crowds_leave_no_body_behind():
 
 
 def drive(simulation, steps, chance):
-    taken = []
-    robots = len(simulation.external_wheels)
+    taken, robots = [], len(simulation.external_wheels)
     for _ in range(steps):
         taken.append(bits(next(simulation)))
         if chance.random() < 0.5:
@@ -308,8 +298,7 @@ def test_a_snapshot_is_a_moment_which_later_steps_do_not_change_and_one_of_anoth
 
 
 def test_changed_parameters_act_from_the_next_step_on_reset_takes_them_back_and_those_that_do_not_fit_are_refused():
-    apart = [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}]
-    simulation = Simulation({"robots": apart, "noise": "off"}, 1)
+    simulation = Simulation({key: CHANGING["scheduled"][key] for key in ("robots", "noise")}, 1)
     simulation.advance(3)
     simulation.set_parameters(1, speed_cm_s=1.5, period_s=3.0)
     assert simulation.period_ms.tolist() == [5000, 3000, 3000]
@@ -389,7 +378,8 @@ def test_a_command_holds_until_the_next_what_is_left_out_stays_and_parts_are_com
     assert (steps[-1].wheels_cm_s[3:] > 0).any()
 
 
-def test_faults_and_absence_come_after_commands():
+def test_faults_and_absence_come_after_commands_and_a_file_says_what_is_external(tmp_path):
+    assert write_controller(tmp_path / "mine.py", EMPTY + "EXTERNAL = ('ring',)\n").external == ("ring",)
     robots = [{"controller": "external", "count": 3, "placement": "grid"}]
     faults, schedule = [{"kind": "ring_dead", "robots": [0]}], [{"at_s": 0, "remove": [1]}]
     simulation = Simulation({"robots": robots, "faults": faults, "schedule": schedule}, 1, interpret=True)
@@ -416,7 +406,3 @@ def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded():
         step = next(simulation)
         assert not step.wheels_cm_s[8:].any()
         assert controller == "external_wheels" or not step.ring_on[8:].any()
-
-
-def test_a_file_says_what_is_external(tmp_path):
-    assert write_controller(tmp_path / "mine.py", EMPTY + "EXTERNAL = ('ring',)\n").external == ("ring",)

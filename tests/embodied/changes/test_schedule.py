@@ -14,11 +14,10 @@ from epuck_sim.embodied.changes.schedule import displace_phases, put_in, take_ou
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.scenario.changes import RobotDisplacement, TrialEvent
 from tests.control.bench import controlled_swarm, with_step, write_controller
-from tests.embodied.steps import GATE, PILLARS, REBUILT, SCHEDULED, SIGNALS, steps_of, swarm_of
+from tests.embodied.steps import APART, GATE, PILLARS, REBUILT, SCHEDULED, SIGNALS, kept, steps_of, swarm_of
 
 POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
 MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
-APART = {key: SCHEDULED[key] for key in ("robots", "noise", "arena")}
 (LIGHT,) = SCHEDULED["faults"]
 BEHIND = {"poses": [[20, 50, 0], [20, 18, 1], [22, 33, 2]]}
 GATED = {"arena": {"obstacles": GATE}, "robots": [REBUILT["robots"][0], BEHIND]}
@@ -39,12 +38,8 @@ def started_swarm(controllers, counts):
 
 def test_changes_act_from_the_first_control_step_that_is_not_before_their_time():
     simulation = Simulation(SCHEDULED, 1)
-    speeds, phases = [], []
-    for _ in range(40):
-        step = next(simulation)
-        speeds.append(step.wheels_cm_s.max(axis=1).copy())
-        phases.append(step.phase_ms.copy())
-    speeds = np.array(speeds)
+    steps = kept(simulation, 40)
+    speeds, phases = np.array([step.wheels_cm_s.max(axis=1) for step in steps]), [step.phase_ms for step in steps]
     assert (speeds[:30, 0] == 12.8).all()
     assert (speeds[30:, 0] == 0).all()
     assert (speeds[:10, 1:] == 12.8).all()
@@ -151,21 +146,16 @@ def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_sa
     assert (robots.x[5], robots.y[5], robots.heading[5]) == free
 
 
-@pytest.mark.parametrize(
-    ("signal", "faults", "movables"),
-    [
-        (SIGNALS[0], [{"kind": "infrared_dead", "robots": [0]}], MOVABLES),
-        (SIGNALS[1], [], MOVABLES),
-        (SIGNALS[2], [{"kind": "infrared_dead", "robots": [0]}], []),
-        (SIGNALS[3], [], []),
-    ],
-)
-def test_who_is_out_is_as_if_it_did_not_exist(signal, faults, movables):
+@pytest.mark.parametrize("number", range(4))
+def test_who_is_out_is_as_if_it_did_not_exist(number):
+    signal, movables = SIGNALS[number], MOVABLES if number < 2 else []
+    faults = [] if number % 2 else [{"kind": "infrared_dead", "robots": [0]}]
+
     def shown(groups, schedule=()):
         robots = []
-        for number, (first, end) in enumerate(groups):
+        for group, (first, end) in enumerate(groups):
             memory = {"phase_ms": [*range(700 * first, 700 * end, 700)]}
-            robots.append({"poses": POSES[first:end], "memory": memory, "signal": signal, "present": number < 2})
+            robots.append({"poses": POSES[first:end], "memory": memory, "signal": signal, "present": group < 2})
         given = {"robots": robots, "noise": "off", "arena": {"movables": movables}, "faults": faults}
         return steps_of({**given, "schedule": schedule}, 60, 1)  # more than a period, in which each ring flashes
 
@@ -197,8 +187,7 @@ def test_order_counts_those_present():
 
 
 def test_a_robot_that_leaves_sends_no_more(tmp_path):
-    text = with_step("actuators.send = 5\n    memory.x = sensors.pulses")
-    sender = write_controller(tmp_path / "sender.py", text)
+    sender = write_controller(tmp_path / "sender.py", with_step("actuators.send = 5\n    memory.x = sensors.pulses"))
     group = {"count": 2, "controller": str(sender.path), "signal": {"kind": "radio"}}
     simulation = Simulation({"robots": [group], "schedule": [{"at_s": 1, "remove": [1]}]}, 1, interpret=True)
     assert [simulation.advance(steps).memories[0]["x"][0] for steps in (5, 7)] == [1, 0]
