@@ -56,13 +56,11 @@ def test_a_fault_at_a_time_is_there_in_the_control_steps_from_then_on_until_its_
     np.testing.assert_array_equal(active_over(fault, 420), expected)
 
 
-@pytest.mark.parametrize(
-    ("whom", "count"),
-    [
-        *(({"share": 0.25}, 10), ({"count": 3}, 3), ({"share": 0.06}, 2), ({}, 40), ({"count": 0}, 0)),
-        *(({"share": 0}, 0), ({"robots": [*range(5, 25)], "share": 0.2}, 4)),
-    ],
-)
+AMONG_FEW = {"robots": [*range(5, 25)], "share": 0.2}
+SHARES = [({"share": 0.25}, 10), ({"share": 0.06}, 2), ({"share": 0}, 0), (AMONG_FEW, 4)]
+
+
+@pytest.mark.parametrize(("whom", "count"), [*SHARES, ({"count": 3}, 3), ({"count": 0}, 0), ({}, 40)])
 def test_a_share_or_a_number_of_robots_is_drawn_in_each_trial(whom, count):
     drawn = [active_over({"kind": "ring_dead", **whom}, 1, 40, seed)[0] for seed in range(30)]
     assert {row.sum() for row in drawn} == {count}
@@ -72,15 +70,11 @@ def test_a_share_or_a_number_of_robots_is_drawn_in_each_trial(whom, count):
         assert (np.sum(drawn, axis=0) < 25).all()
 
 
-@pytest.mark.parametrize(
-    "when",
-    [
-        {"per_hour": 360, "mean_s": 5},
-        {"per_hour": 3600, "at_s": 5, "until_s": 8},
-        {"per_hour": 900, "mean_s": 1, "at_s": 3, "until_s": 500},
-    ],
-    ids=str,
-)
+LASTING, UNTIL_8_S = {"per_hour": 360, "mean_s": 5}, {"per_hour": 3600, "at_s": 5, "until_s": 8}
+BOTH = {"per_hour": 900, "mean_s": 1, "at_s": 3, "until_s": 500}
+
+
+@pytest.mark.parametrize("when", [LASTING, UNTIL_8_S, BOTH], ids=str)
 def test_random_faults_last_and_stay_away_for_exponential_times_as_a_slow_twin_draws(when):
     steps, robots, changes = 5_000, 12, []
     begin_s, end_s, free_s = when.get("at_s", 0), when.get("until_s", math.inf), 3600 / when["per_hour"]

@@ -232,16 +232,10 @@ LOOKS = "import math\nfrom epuck_sim.embodied import sensing\n" + with_sense(
     " | dict.fromkeys(['nearest', 'alone', 'anywhere'], int)",
     "{'range_cm': 20.0}",
 )
-ARENA = {
-    "width_cm": 150,
-    "height_cm": 120,
-    "obstacles": [
-        {"shape": "circle", "x_cm": 40, "y_cm": 40, "radius_cm": 8},
-        {"shape": "box", "x_cm": 90, "y_cm": 90, "width_cm": 20, "height_cm": 10, "heading_rad": 0.4},
-    ],
-    "lamps": [{"x_cm": 20, "y_cm": 100}, {"x_cm": 120, "y_cm": 10, "height_cm": 12, "strength": 3.0}],
-}
-
+CIRCLE = {"shape": "circle", "x_cm": 40, "y_cm": 40, "radius_cm": 8}
+BOX = {"shape": "box", "x_cm": 90, "y_cm": 90, "width_cm": 20, "height_cm": 10, "heading_rad": 0.4}
+LAMPS = [{"x_cm": 20, "y_cm": 100}, {"x_cm": 120, "y_cm": 10, "height_cm": 12, "strength": 3.0}]
+ARENA = {"width_cm": 150, "height_cm": 120, "obstacles": [CIRCLE, BOX], "lamps": LAMPS}
 PATCHES = [
     {"shape": "circle", "x_cm": 70, "y_cm": 50, "radius_cm": 40, "brightness": 0.25},
     {"shape": "polygon", "corners_cm": [[100, 20], [130, 25], [120, 60]], "brightness": 0.5},

@@ -17,12 +17,8 @@ from tests.control.bench import with_step, write_controller
 from tests.embodied import scenes
 from tests.embodied.steps import constant
 
-cones = st.builds(
-    ConeSection,
-    range_cm=st.sampled_from([None, 15.0, 40.0]),
-    angle_deg=st.sampled_from([360.0, 180.0]) | st.floats(1, 360),
-    of=st.sampled_from(["vision", "emission"]),
-)
+ranges, angles = st.sampled_from([None, 15.0, 40.0]), st.sampled_from([360.0, 180.0]) | st.floats(1, 360)
+cones = st.builds(ConeSection, range_cm=ranges, angle_deg=angles, of=st.sampled_from(["vision", "emission"]))
 RAYS = 1440
 ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
 SEND, LISTEN = {}, {"first": 10**6}
@@ -99,12 +95,8 @@ def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, 
     np.testing.assert_array_equal(block.swarm.pixels, expected)
 
 
-enki_cameras = st.builds(
-    EnkiCameraSignal,
-    kind=st.just("enki_camera"),
-    range_cm=st.sampled_from([None, 15.0, 40.0]),
-    angle_deg=st.sampled_from([360.0, 350.0, 180.0]) | st.floats(1, 360),
-)
+enki_angles = st.just(350.0) | angles
+enki_cameras = st.builds(EnkiCameraSignal, kind=st.just("enki_camera"), range_cm=ranges, angle_deg=enki_angles)
 
 
 def offsets(bearing: FloatArray) -> FloatArray:
