@@ -97,14 +97,8 @@ def test_the_record_holds_each_value_as_it_is(typed, flag, whole, number):
 
 
 def test_what_may_have_a_name_is_not_refused(tmp_path):
-    for line in (
-        "memory.dtype",
-        "memory = sensors; memory.camera",
-        "f = lambda memory: memory.anything",
-        "sensors._replace(step_ms=1)",
-        "other.anything",
-        "[memory.anything for memory in ()]",
-    ):
+    lines = "memory.dtype", "memory = sensors; memory.camera", "f = lambda memory: memory.anything"
+    for line in (*lines, "sensors._replace(step_ms=1)", "other.anything", "[memory.anything for memory in ()]"):
         check_sensed(write_controller(tmp_path / "mine.py", with_step(line)))
 
 

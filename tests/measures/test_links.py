@@ -45,11 +45,8 @@ def links_of_robots():
     return observer, seen
 
 
-MODELS = pytest.mark.parametrize(
-    ("sections", "watch", "population"),
-    [(LIVELY, links_of_agents, 15), (CROWD, links_of_robots, 8)],
-    ids=["agents", "robots"],
-)
+SWARMS = [(LIVELY, links_of_agents, 15), (CROWD, links_of_robots, 8)]
+MODELS = pytest.mark.parametrize(("sections", "watch", "population"), SWARMS, ids=["agents", "robots"])
 
 
 def slow_components(links, population, connection):

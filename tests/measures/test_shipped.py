@@ -66,18 +66,14 @@ def test_what_there_is_not_is_none_what_stays_is_the_same_and_what_a_sweep_s_poi
         ("cluster_count", mute, [0] * CYCLES),
         ("largest_cluster", mute, [None] * CYCLES),
         ("threshold_cycles", mute, [None] * 5),
-        ("below_threshold", mute, None),
-        ("stays_above", mute, None),
+        *((measure, mute, None) for measure in ("below_threshold", "stays_above")),
         ("cluster_life", {**AGENTS, "response": {"coupling": 0}}, None),
         ("neighbour_change", still, [None] + [0.0] * (CYCLES - 1)),
-        ("link_life", still, None),
-        ("spanning_time", still, None),
+        *((measure, still, None) for measure in ("link_life", "spanning_time")),
         ("degree", crowd, [39.0] * CYCLES),
         ("velocity_correlation_time", {**AGENTS, "space": {"side_cm": 1e6}}, None),
-        ("coverage", at_once, None),
+        *((measure, at_once, None) for measure in ("coverage", "near_walls", "mean_speed")),
         ("density", at_once, []),
-        ("near_walls", at_once, None),
-        ("mean_speed", at_once, None),
     ]:
         assert run(measure, **sections)[1] == value
     given = {**AGENTS, "measures": ["perturbation"], "sweep": {"grid": {"start.displacement": [0.1]}}}
@@ -162,11 +158,8 @@ def test_the_order_of_a_group_is_that_of_its_phases(metric):
     robots = [{"count": 3}, {"count": 4}, {"controller": "constant"}, {"count": 0}]
     observer, seen = at_cycles(phases)
     more = [{"group_order": {"group": group, "as": f"of_{group}"}} for group in (2, 3)]
-    sections = {
-        "robots": robots,
-        "stop": {"metric": metric, "order_parameter": None},
-        "schedule": [{"at_s": 20, "remove": [5]}],
-    }
+    sections = {"robots": robots, "stop": {"metric": metric, "order_parameter": None}}
+    sections["schedule"] = [{"at_s": 20, "remove": [5]}]
     _, *series = run({"group_order": {"group": 1}}, observer, more=more, **sections)
     own = [each[3:7] - (metric == "reference") * each[0] for each in seen]
     assert series[0] == pytest.approx([float(METRICS[metric](each[~np.isnan(each)], 1.0)) for each in own], abs=1e-12)
@@ -191,9 +184,8 @@ def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them_and_later_on
     def reached(threshold):
         return next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None)
 
-    assert told(synchrony.ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), *batches) == [
-        *map(reached, (0.9, 0.5, 0.9))
-    ]
+    cycles = told(synchrony.ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), *batches)
+    assert cycles == [*map(reached, (0.9, 0.5, 0.9))]
     counted = series[begin - 1 :]
     first = next((place for place, order in enumerate(counted) if order >= 0.8), len(series))
     later = counted[first + 1 :]
@@ -307,12 +299,9 @@ def test_flashes_of_others_are_counted_one_by_one():
     assert seen == began / (10 * CYCLES) > 0
 
 
-DISTURBED = {
-    "model": "particles",
-    "agents": {"count": 10, "speed_cm_s": 1.0},
-    "start": {"phases": "synchronised", "displacement": 1e-3},
-    "stop": {"order_parameter": None},
-}
+START = {"phases": "synchronised", "displacement": 1e-3}
+SLOW = {"model": "particles", "agents": {"count": 10, "speed_cm_s": 1.0}}
+DISTURBED = {**SLOW, "start": START, "stop": {"order_parameter": None}}
 
 
 def test_the_perturbation_is_the_distance_from_the_twin():

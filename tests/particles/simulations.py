@@ -145,16 +145,10 @@ responses = st.one_of(
     curve("piecewise_linear", [0.1, 0.5], [0.0, 0.2], knee=[0.1, 0.47, 0.8], early_slope=[-3.0, -1.0, 0.0, 0.4]),
 )
 
-speeds = st.sampled_from(
-    [
-        {},
-        {"speed_distribution": "uniform", "speed_spread": 0.5},
-        {"speed_distribution": "normal", "speed_spread": 0.4},
-        {"speed_distribution": "exponential"},
-        {"speed_distribution": "lognormal", "speed_spread": 1.5},
-        {"speed_distribution": "two_speeds", "fast_share": 0.3, "fast_ratio": 10},
-    ]
-)
+SPREADS = {"uniform": 0.5, "normal": 0.4, "lognormal": 1.5}
+DISTRIBUTIONS = [{"speed_distribution": name, "speed_spread": spread} for name, spread in SPREADS.items()]
+DISTRIBUTIONS += [{"speed_distribution": "two_speeds", "fast_share": 0.3, "fast_ratio": 10}]
+speeds = st.sampled_from([{}, {"speed_distribution": "exponential"}, *DISTRIBUTIONS])
 
 RANDOM_WALKS = (
     {"kind": "brownian"},
@@ -211,11 +205,8 @@ def fault_lists(draw, sections):
     for _ in range(2):
         kinds = [{"kind": kind} for kind in WHOLE if kind != "wheels_dead" or not sections["agents"]["speed_per_run"]]
         kinds += [{"kind": "clock_drift", "rate": rate} for rate in (0.5, 1.01, 3)]
-        far = sections["space"]["side_cm"] / 4
-        kinds += [
-            {"kind": "camera_misses", "missed": 0.5},
-            {"kind": "camera_misses", "missed": 0.7, "farther_than_cm": far},
-        ]
+        far = {"missed": 0.7, "farther_than_cm": sections["space"]["side_cm"] / 4}
+        kinds += [{"kind": "camera_misses", **each} for each in ({"missed": 0.5}, far)]
         fault = draw(st.sampled_from(kinds)) | {"at_s": round(draw(st.floats(0, 4)), 3) * period_s}
         first = int(fault["kind"] == "oscillator_frozen")  # if all are frozen, nothing happens any more
         whom = st.lists(st.integers(first, agents - 1), min_size=1, unique=True)

@@ -15,17 +15,9 @@ from epuck_sim.particles.swarm import FAULT_SEED
 from epuck_sim.particles.twin import make_twin, simulate_with_twin
 from epuck_sim.util.rng import next_word, uniform
 from epuck_sim.util.seeds import robot_streams
+from tests.particles import simulations
 from tests.particles.naive_model import NaiveEvent, NaiveModel
-from tests.particles.simulations import (
-    KINDS,
-    WHOLE,
-    any_sections,
-    compare_events,
-    fault_lists,
-    make_simulation,
-    scenario,
-    state_of,
-)
+from tests.particles.simulations import KINDS, any_sections, fault_lists, make_simulation, scenario, state_of
 
 STILL = {"agents": {"count": 4, "speed_cm_s": 0}, "start": {"phases": [0.1, 0.35, 0.6, 0.85]}}
 MIDDLES = np.arange(0.5, 30)
@@ -38,9 +30,8 @@ class ChangingModel(NaiveModel):
         super().__init__(swarm)
         pace = self.scenario.agents.speed_cm_s
         self.shares = [speed / pace if pace else 0.0 for speed in self.speeds]
-        self.waiting = sorted(
-            [(entry.at_s, self.change, entry) for entry in self.scenario.schedule], key=lambda each: each[0]
-        )
+        waiting = [(entry.at_s, self.change, entry) for entry in self.scenario.schedule]
+        self.waiting = sorted(waiting, key=lambda waits: waits[0])
 
     def step(self) -> NaiveEvent:
         """Simulate up to the next event, or the next change."""
@@ -94,7 +85,7 @@ def entries(draw, sections, kind):
 def test_swarms_that_a_schedule_changes_agree_with_the_naive_model(data, seed, kind):
     sections = data.draw(any_sections(kind))
     swarm = make_simulation(seed, **sections, schedule=data.draw(entries(sections, kind)))
-    compare_events(swarm, ChangingModel(swarm), cycles=8)
+    simulations.compare_events(swarm, ChangingModel(swarm), cycles=8)
 
 
 def test_what_changes_at_the_start_is_as_if_the_scenario_had_it():
@@ -319,7 +310,7 @@ class FaultyModel(ChangingModel):
 def test_swarms_with_faults_agree_with_the_naive_model(data, seed, kind):
     sections = data.draw(any_sections(kind))
     swarm = make_simulation(seed, **sections, faults=data.draw(fault_lists(sections)))
-    compare_events(swarm, FaultyModel(swarm), cycles=8)
+    simulations.compare_events(swarm, FaultyModel(swarm), cycles=8)
 
 
 def fault(kind, **keys):
@@ -364,17 +355,15 @@ def test_a_fault_by_the_schedule_is_one_at_a_time_and_both_are_events_of_the_tri
     swarm = make_simulation(1, **fault("ring_dead", count=3, **when), schedule=schedule, stop=stop)
     result = run_trial(swarm)
     own = [event for event in result.events if event.source == "faults.0"]
-    assert [(event.time_s, event.what, len(event.robots)) for event in own] == [
-        (2.0, "ring_dead begins", 3),
-        (5.5, "ring_dead ends", 3),
-    ]
+    found = [(event.time_s, event.what, len(event.robots)) for event in own]
+    assert found == [(2.0, "ring_dead begins", 3), (5.5, "ring_dead ends", 3)]
     assert len(result.events) == (4 if scheduled else 2)
     assert own[0].robots == own[1].robots
     other = make_simulation(1, **fault("ring_dead", count=3, at_s=2, until_s=5.5), stop=stop)
     assert run_trial(other, [lambda *_: None]).order_parameter == result.order_parameter
 
 
-@pytest.mark.parametrize("kind", [*WHOLE, "clock_drift"])
+@pytest.mark.parametrize("kind", [*simulations.WHOLE, "clock_drift"])
 def test_a_fault_changes_nothing_before_it_begins_and_a_trial_can_be_sent_elsewhere_while_it_lasts(kind):
     keys = {"rate": 0.9} if kind == "clock_drift" else {}
     faulty = make_simulation(5, **fault(kind, share=0.5, at_s=7, **keys), agents={"speed_cm_s": 10})

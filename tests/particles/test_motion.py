@@ -9,8 +9,7 @@ from scipy import stats
 
 from tests.particles.simulations import UNLIKELY, make_simulation, set_trajectories
 
-CLOSED = [(1, "bounded"), *itertools.product((1, 2, 3), ("cyclic", "mirrored"))]
-"""Dimensions and boundaries of spaces with a closed form."""
+CLOSED = [(1, "bounded"), *itertools.product((1, 2, 3), ("cyclic", "mirrored"))]  # where there is a closed form
 FAR = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}}  # sections of agents that come near no wall
 BROWNIAN = {"kind": "brownian", "run_s": 2.0}
 CORRELATED = {"kind": "correlated", "run_s": 0.5, "persistence": 0.8}
@@ -190,8 +189,8 @@ DISTRIBUTIONS = {
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 def test_speeds_of_later_runs_have_the_distribution_of_the_first(distribution):
     agents = {"speed_distribution": distribution, "speed_per_run": True, **DISTRIBUTIONS[distribution]}
-    walk = {"kind": "brownian", "run_s": 0.1}
-    swarm = uncoupled(10_000, 4.0, {**agents, "walk": walk}, clocks={"period_s": 2.0}, **FAR)
+    agents["walk"] = {"kind": "brownian", "run_s": 0.1}
+    swarm = uncoupled(10_000, 4.0, agents, clocks={"period_s": 2.0}, **FAR)
     table = swarm._arrays.run_speeds
     assert table.mean() == pytest.approx(2 * 4.0)  # cm in a period
     assert swarm._arrays.scene.max_speed == max(table.max(), swarm._arrays.speed.max())

@@ -64,18 +64,12 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, data, 
     assert compare_receivers(swarm, firings) > 0.85 * firings
 
 
-@pytest.mark.parametrize(
-    "rule",
-    [
-        {"kind": "nearest", "k": 3},
-        {"kind": "nearest", "k": 30},
-        {"kind": "range", "radius_cm": 4},
-        {"kind": "cone_of_vision", "angle_deg": 40, "radius_cm": 9},
-        {"kind": "cone_of_emission", "angle_deg": 40, "radius_cm": 9},
-        {"kind": "cone_of_vision", "angle_deg": 5},
-    ],
-    ids=str,
-)
+CONES = [{"kind": kind, "angle_deg": 40, "radius_cm": 9} for kind in ("cone_of_vision", "cone_of_emission")]
+NARROW, RANGE = {"kind": "cone_of_vision", "angle_deg": 5}, {"kind": "range", "radius_cm": 4}
+RULES = [*({"kind": "nearest", "k": k} for k in (3, 30)), RANGE, *CONES, NARROW]
+
+
+@pytest.mark.parametrize("rule", RULES, ids=str)
 @pytest.mark.parametrize(("agents", "speed_cm_s"), [(600, 1.0), (1500, 0.01), (1500, 40.0)])
 def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, speed_cm_s, rule):
     for dimensions, boundary in ((1, "cyclic"), (2, "bounded"), (2, "cyclic"), (3, "bounded")):
@@ -135,19 +129,16 @@ def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time_and_asking_chan
     assert (untouched.phases() == swarm.phases()).all()
 
 
+WIDE, EMITTED = {"angle_deg": 120, "radius_cm": 60}, {"angle_deg": 90}
+
+
 @pytest.mark.parametrize(
-    "rule",
-    [
-        {"kind": "nearest", "k": 2},
-        {"kind": "cone_of_vision", "angle_deg": 120, "radius_cm": 60},
-        {"kind": "cone_of_emission", "angle_deg": 90},
-    ],
-    ids=str,
+    ("kind", "rule"), [("nearest", {"k": 2}), ("cone_of_vision", WIDE), ("cone_of_emission", EMITTED)]
 )
 @pytest.mark.parametrize("reorient_on", [[], ["emitting", "receiving"], ["arriving"]], ids=str)
-def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
+def test_pulse_links_are_found_before_anybody_turns(kind, rule, reorient_on):
     agents = {"count": 12, "speed_cm_s": 20.0, "reorient_on": reorient_on}
-    simulation, shifted = make_simulation(4, agents=agents, neighbourhood=rule), 0
+    simulation, shifted = make_simulation(4, agents=agents, neighbourhood={"kind": kind, **rule}), 0
     before = simulation.headings()
     for _ in range(150):
         event = next(simulation)

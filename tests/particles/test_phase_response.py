@@ -11,6 +11,7 @@ from epuck_sim import ParticleSimulation, load_scenario, points
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.phase_response import CURVES, Response, make_response, order_change, phase_shift
 from epuck_sim.scenario.yaml_io import write_yaml
+from tests.measures.files import write
 from tests.particles.naive_model import shift
 from tests.particles.simulations import make_simulation
 
@@ -58,15 +59,10 @@ def phase_shift(phase, coupling, parameters):
 """
 
 
-def written(path, source):
-    path.write_text(source)
-    return path
-
-
 @pytest.fixture
 def power(tmp_path):
-    written(tmp_path / "beside.py", "def power(phase, bend):\n    return phase**bend\n")
-    return written(tmp_path / "power.py", POWER)
+    write(tmp_path / "beside.py", "def power(phase, bend):\n    return phase**bend\n")
+    return write(tmp_path / "power.py", POWER)
 
 
 def scenario_of(curve, **response):
@@ -97,7 +93,7 @@ def test_parameters_and_the_coupling_reach_the_function_and_shapes_are_kept_whet
 
 
 def test_two_curves_take_turns_in_one_process_and_a_changed_file_is_another_curve(power, tmp_path):
-    added = written(tmp_path / "curve.py", "def phase_shift(phase, coupling, parameters):\n    return coupling")
+    added = write(tmp_path / "curve.py", "def phase_shift(phase, coupling, parameters):\n    return coupling")
 
     def swarms(*curves):
         return [make_simulation(1, response={"curve": str(curve), "coupling": 0.05}) for curve in curves]
@@ -131,4 +127,4 @@ def test_curves_and_their_parameters_can_be_swept_and_a_path_is_relative_to_the_
 def test_programs_tell_the_error_of_a_curve_from_others_by_its_class(tmp_path):
     text = "def phase_shift(phase, coupling, parameters):\n    return coupling / (not 0.502 < phase < 0.508)\n"
     with pytest.raises(CurveError, match="ZeroDivisionError"):  # between the phases at which curves are tried
-        ParticleSimulation(scenario_of(written(tmp_path / "curve.py", text)), 1).run(10_000)
+        ParticleSimulation(scenario_of(write(tmp_path / "curve.py", text)), 1).run(10_000)

@@ -13,19 +13,9 @@ from hypothesis import strategies as st
 from epuck_sim import ParticleSimulation, ScenarioError, run_trial
 from epuck_sim.particles import oscillators
 from epuck_sim.particles.swarm import SCENE, Oscillators
+from tests.particles import simulations
 from tests.particles.naive_model import NaiveModel
-from tests.particles.simulations import (
-    KINDS,
-    MOTION,
-    any_sections,
-    as_set,
-    compare_events,
-    make_resting,
-    make_simulation,
-    max_phase_difference,
-    scenario,
-    state_of,
-)
+from tests.particles.simulations import KINDS, any_sections, as_set, make_resting, make_simulation, state_of
 
 SEEDS = st.integers(0, 2**63 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)
@@ -39,7 +29,7 @@ OTHERS = [
 
 def compare(kind, data, seed, cycles, **limits):
     swarm = make_simulation(seed, **data.draw(any_sections(kind, **limits)))
-    compare_events(swarm, NaiveModel(swarm), cycles=cycles)
+    simulations.compare_events(swarm, NaiveModel(swarm), cycles=cycles)
 
 
 @kinds
@@ -57,21 +47,17 @@ def test_every_event_is_that_of_the_naive_model_in_many_more_and_larger_swarms(k
     compare(kind, data, seed, cycles=50, most_agents=data.draw(st.sampled_from([7, 7, 7, 50])))
 
 
-@kinds
-def test_the_comparison_with_the_naive_model_does_not_end_early(kind):
-    rule = {
-        "nearest": {"k": 2},
-        "range": {"radius_cm": 30},
-        "cone_of_vision": {"angle_deg": 80, "radius_cm": 70},
-        "cone_of_emission": {"angle_deg": 200},
-        "all": {},
-        "random": {"k": 2},
-    }[kind]
+VISION, EMISSION = {"angle_deg": 80, "radius_cm": 70}, {"angle_deg": 200}
+RULES = [{"k": 2}, {"radius_cm": 30}, VISION, EMISSION, {}, {"k": 2}]
+
+
+@pytest.mark.parametrize(("kind", "rule"), list(zip(KINDS, RULES, strict=True)))
+def test_the_comparison_with_the_naive_model_does_not_end_early(kind, rule):
     for dimensions, boundary in itertools.product([1, 2, 3], ["bounded", "cyclic", "mirrored"]):
         space, agents = {"dimensions": dimensions, "boundary": boundary}, {"count": 6, "speed_cm_s": 15.0}
         swarm = make_simulation(space=space, agents=agents, neighbourhood={"kind": kind, **rule})
         twin = NaiveModel(swarm)
-        assert compare_events(swarm, twin, cycles=20) >= 120
+        assert simulations.compare_events(swarm, twin, cycles=20) >= 120
         assert twin.time >= 20
 
 
@@ -145,12 +131,8 @@ def test_firings_within_a_trillionth_of_a_cycle_from_the_earliest_on_happen_at_o
 
 
 def test_what_a_pulse_brings_to_1_but_for_a_rounding_fires_as_in_fractions():
-    sections = {
-        "model": "particles",
-        "agents": {"count": 10, "speed_cm_s": 0},
-        "neighbourhood": {"kind": "nearest", "k": 2},
-    }
-    sections |= {"response": {"curve": "additive", "coupling": 0.1}, "stop": {"max_cycles": 300}}
+    sections = {"model": "particles", "agents": {"count": 10, "speed_cm_s": 0}, "stop": {"max_cycles": 300}}
+    sections |= {"response": {"curve": "additive", "coupling": 0.1}, "neighbourhood": {"kind": "nearest", "k": 2}}
     exact = {14: 20, 32: 93, 47: 39, 55: None}  # without tolerance: 171, None, None, 181
     assert {seed: run_trial(ParticleSimulation(sections, seed)).t_sync_cycles for seed in exact} == exact
 
@@ -175,8 +157,8 @@ def test_a_reset_simulation_is_a_new_one_and_a_copy_goes_on_alike(data, seed, be
 
 
 def test_a_reset_without_a_seed_takes_that_of_the_scenario():
-    swarm, new = ParticleSimulation(scenario(seed=3), 5), ParticleSimulation(scenario(seed=3))
-    assert state_of(new) == state_of(ParticleSimulation(scenario(), 3)) != state_of(swarm)
+    swarm, new = ParticleSimulation(simulations.scenario(seed=3), 5), ParticleSimulation(simulations.scenario(seed=3))
+    assert state_of(new) == state_of(ParticleSimulation(simulations.scenario(), 3)) != state_of(swarm)
     swarm.reset()
     assert (swarm.seed, state_of(swarm)) == (3, state_of(new))
     with pytest.raises(ScenarioError, match="seed is -1"):
@@ -197,7 +179,7 @@ def test_swarms_of_one_seed_move_alike_whatever_their_oscillators_do(other, dime
         two.run_to(time_s)
         # positions differ in the last digit, because `now` may be counted from one cycle or the next
         assert one.positions() == pytest.approx(two.positions(), abs=1e-11)
-        for name in MOTION:
+        for name in simulations.MOTION:
             assert (getattr(one._arrays, name) == getattr(two._arrays, name)).all()
 
 
@@ -249,7 +231,7 @@ def test_after_very_many_cycles_free_oscillators_are_where_they_should_be(jitter
     for cycle in (10, 1001, 200_000):  # whose times added up would be off by ten times more than is allowed
         swarm.run_to((cycle + 0.375) * period_s)
         turns = start + (cycle + 0.375) / periods
-        assert max_phase_difference(swarm.phases(), turns % 1) < 1e-9
+        assert simulations.max_phase_difference(swarm.phases(), turns % 1) < 1e-9
         assert swarm.firings == np.floor(turns).sum()
         assert swarm.cycles == math.floor(turns[0])
         assert swarm.time_s == pytest.approx((cycle + 0.375) * period_s, rel=1e-15)
