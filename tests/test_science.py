@@ -110,11 +110,8 @@ def sample(mean: float, trials: int, seed: int, limit: float = math.inf) -> Meas
 def table(factor: float, points: int = 60, limit: float = math.inf, odd: float = 1.0):
     """Return the comparison of samples whose means differ by a factor, and at the last point by another one."""
     factors = [factor] * (points - 1) + [factor * odd]
-    compared = [
-        compare_point({"V": n}, sample(100, 60, n, limit), sample(100 * each, 60, 1000 + n, limit))
-        for n, each in enumerate(factors)
-    ]
-    return compare_table(PEERS[0], compared)
+    pairs = [(sample(100, 60, n, limit), sample(100 * each, 60, 1000 + n, limit)) for n, each in enumerate(factors)]
+    return compare_table(PEERS[0], [compare_point({"V": n}, *pair) for n, pair in enumerate(pairs)])
 
 
 def test_equal_distributions_are_found_equal_their_z_is_normal_and_trials_at_the_limit_say_nothing() -> None:

@@ -64,30 +64,22 @@ def test_two_values_of_an_axis_with_or_without_an_order_are_matched_over_the_oth
     made = in_memory(sweep(None, sweep=sizes), lambda point: ended([point.axes[WIDTH] + point.axes[SPEED]]))
     samples = match_values(made, WIDTH, [80, 40.0])
     assert samples.names == [f"{WIDTH} = 80", f"{WIDTH} = 40.0"]
-    assert [(axes, one.times[0], two.times[0]) for axes, (one, two) in samples.matches] == [
-        ({SPEED: 1, COUNT: 3}, 81, 41),
-        ({SPEED: 2, COUNT: 3}, 82, 42),
-    ]
+    found = [(axes, one.times[0], two.times[0]) for axes, (one, two) in samples.matches]
+    assert found == [({SPEED: 1, COUNT: 3}, 81, 41), ({SPEED: 2, COUNT: 3}, 82, 42)]
     values = [None, 30, {"kind": "cone"}]  # which have no order
-    made = [
-        point._replace(axes={SPEED: point.axes[SPEED], "mixed": values[point.number % 3]})
-        for point in in_memory(sweep({SPEED: [1, 2], COUNT: [3, 4, 5]}), lambda point: ended([point.number]))
-    ]
+    made = in_memory(sweep({SPEED: [1, 2], COUNT: [3, 4, 5]}), lambda point: ended([point.number]))
+    made = [p._replace(axes={SPEED: p.axes[SPEED], "mixed": values[p.number % 3]}) for p in made]
     matches = match_values(made, "mixed", values[:2]).matches
-    assert [(axes, *(point.number for point in both)) for axes, both in matches] == [
-        ({SPEED: 1}, 0, 1),
-        ({SPEED: 2}, 3, 4),
-    ]
+    found = [(axes, *(point.number for point in both)) for axes, both in matches]
+    assert found == [({SPEED: 1}, 0, 1), ({SPEED: 2}, 3, 4)]
 
 
 def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     one = in_memory(sweep({SPEED: [1, 2], COUNT: [3]}), lambda point: ended([point.number + 1] * 5))
     other = in_memory(sweep({COUPLING: [0.1, 0.2, 0.3], COUNT: [3]}), lambda point: ended([point.number + 11] * 5))
     samples = match_points([one, other], ["one", "other"], [[1, 2], [0, 0]])
-    assert [(axes, a.times[0], b.times[0]) for axes, (a, b) in samples.matches] == [
-        ({"points": "1, 2", COUNT: 3}, 2, 13),
-        ({"points": "0, 0", COUNT: 3}, 1, 11),
-    ]
+    found = [(axes, a.times[0], b.times[0]) for axes, (a, b) in samples.matches]
+    assert found == [({"points": "1, 2", COUNT: 3}, 2, 13), ({"points": "0, 0", COUNT: 3}, 1, 11)]
     third = in_memory(sweep({SPEED: [2], COUNT: [3, 4]}), lambda _: ended([5] * 5))
     samples = match_points([one, third], ["one", "third"], [[1, 0], [0, 1]])  # of which one has two axes alike
     assert [axes for axes, _ in samples.matches] == [{"points": "1, 0"}, {"points": "0, 1"}]
@@ -181,19 +173,17 @@ def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_coun
     assert not np.isnan(others).any()
 
 
-def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_interval() -> None:
-    sides = ended([5000] * 20, [False] * 20), ended(range(50, 70))
-    (point,) = compared(*(in_memory(sweep({SPEED: [1]}), lambda _, side=side: side) for side in sides)).points
+def test_of_one_side_all_censored_there_is_a_p_value_and_no_interval_and_what_is_known_of_the_other_stays() -> None:
+    def between(*sides):
+        return compared(*(in_memory(sweep({SPEED: [1]}), lambda _, side=side: side) for side in sides)).points
+
+    (point,) = between(ended([5000] * 20, [False] * 20), ended(range(50, 70)))
     assert point.statistic == "restricted mean"
     assert point.p_value < 0.001
     for unknown in (point.first, point.difference, point.ratio):
         assert math.isnan(unknown.value)
-
-
-def test_what_is_known_of_one_side_stays_beside_another_of_which_nothing_is_known() -> None:
     known = ended([0, 0, 40, 60, 100, 100, 100], [False, False, True, True, False, False, False])
-    sides = known, ended([0] * 7, [False] * 7)
-    (point,) = compared(*(in_memory(sweep({SPEED: [1]}), lambda _, side=side: side) for side in sides)).points
+    (point,) = between(known, ended([0] * 7, [False] * 7))
     assert point.censored == (pytest.approx(5 / 7), 1)
     assert (point.first.value, point.first.high) == (80, 100)  # zeros have no effect, and no mean exceeds its horizon
     assert np.isnan([point.second.value, point.difference.value, point.ratio.value, point.p_value]).all()
@@ -241,10 +231,8 @@ def test_the_interval_is_of_what_is_tested() -> None:
 def test_the_mean_of_differences_of_shares_has_every_point_and_of_one_is_that_ones() -> None:
     def shares(*true: int) -> list[PointTrials]:
         made = in_memory(sweep({SPEED: [1, 2][: len(true)]}, trials=5), lambda _: ended([1] * 5))
-        return [
-            point._replace(of="x", measured=(True,) * count + (False,) * (5 - count))
-            for point, count in zip(made, true, strict=True)
-        ]
+        values = [(True,) * count + (False,) * (5 - count) for count in true]
+        return [point._replace(of="x", measured=each) for point, each in zip(made, values, strict=True)]
 
     both = compared(shares(4, 3), shares(0, 1))
     assert (both.difference.value, both.averaged) == (pytest.approx(-0.6), 2)

@@ -56,10 +56,10 @@ def test_the_statistic_of_a_point_has_the_name_that_its_censoring_makes() -> Non
     assert names == [["restricted mean", "mean"], ["median", "median"], ["Weibull mean", "Weibull mean"]]
 
 
-@given(
-    st.permutations([(x, y, z) for x in (1, 2.5, 4) for y in ("a", None) for z in ([1], {"k": 0.5})]),
-    st.sets(st.integers(0, 11)),
-)
+PLACED = [(x, y, z) for x in (1, 2.5, 4) for y in ("a", None) for z in ([1], {"k": 0.5})]
+
+
+@given(st.permutations(PLACED), st.sets(st.integers(0, 11)))
 @settings(max_examples=15)
 def test_every_point_with_trials_is_on_the_curve_of_its_other_axes_once(order, empty) -> None:
     (point,) = points(sweep(None))
@@ -113,9 +113,7 @@ def partition(values: list) -> frozenset:
     return frozenset(frozenset(n for n, other in enumerate(values) if other == value) for value in values)
 
 
-@given(
-    st.integers(1, 6).flatmap(lambda count: st.lists(st.tuples(*[st.integers(0, 2)] * count), min_size=1, max_size=5))
-)
+@given(st.integers(1, 6).flatmap(lambda n: st.lists(st.tuples(*[st.integers(0, 2)] * n), min_size=1, max_size=5)))
 def test_the_axes_that_are_kept_distinguish_as_much_as_all_and_none_is_tied_to_another(columns: list[tuple]) -> None:
     rows = [dict(zip("abcde", row, strict=False)) for row in zip(*columns, strict=True)]
     found = distinguishing_axes(rows)
@@ -239,15 +237,12 @@ def test_a_pair_takes_six_determined_speeds_and_a_certain_curve_without_both_ext
         assert (pair.p_value, pair.places) == (1, [])
 
 
-PLATEAU = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0)
+PLATEAU, POWER_LAW = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0), 4 - 0.8 * X
+NEVER_FALLS_AGAIN = base_case(np.minimum(DENSE, 1.029))
 
 
 @pytest.mark.parametrize("curves", [40, pytest.param(100, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "logs",
-    [PLATEAU, 4 - 0.8 * X, np.full(20, 4.0), 4 + 0.5 * X**2, base_case(np.minimum(DENSE, 1.029))],
-    ids=["plateau", "power law", "flat", "rises", "never falls again"],
-)
+@pytest.mark.parametrize("logs", [PLATEAU, POWER_LAW, np.full(20, 4.0), 4 + 0.5 * X**2, NEVER_FALLS_AGAIN])
 def test_noise_is_rarely_taken_for_a_pair(logs, curves):
     # 100 curves: 5 % are within it but for one seed in 80
     assert share_found(logs, 200, curves, 100) <= 2 * extrema.SIGNIFICANCE
@@ -304,12 +299,9 @@ def test_why_there_is_none_is_said_of_few_speeds_without_the_one_at_rest_and_whe
     assert search_extrema(curve_of(lambda _: ended(range(1, 40)), range(6))).reason.startswith("5 speeds;")
     assert search_extrema(curve_of(made_folders.falling, range(1, extrema.MIN_SPEEDS + 1))).reason == ""
     half_censored = ended([20, 30] * 15 + [50] * 30, [True] * 30 + [False] * 30)
-    found = search_extrema(
-        curve_of(lambda point: half_censored if 5 <= point.number <= 7 else made_folders.bumpy(point))
-    )
-    assert found.reason == (
-        "half of the trials or more are censored from V = 0.5 to 1.3 cm/s, where a peak may be: raise stop.max_cycles"
-    )
+    found = search_extrema(curve_of(lambda p: half_censored if 5 <= p.number <= 7 else made_folders.bumpy(p)))
+    why = "half of the trials or more are censored from V = 0.5 to 1.3 cm/s, where a peak may be: raise stop.max_cycles"
+    assert found.reason == why
 
 
 def level_beyond(speed: float, power: float = 2):
@@ -409,18 +401,15 @@ def bump(x, random):
     return float(np.exp(1 - (np.log10(x) - 0.3) ** 2 + random.normal(0, 0.05)))
 
 
-def test_a_folder_has_one_for_each_curve(tmp_path):
-    folder = folder_of(tmp_path, bump, **{COUPLING: [0.1, 0.2]})
+def test_a_folder_has_one_for_each_curve_and_what_is_0_where_nothing_moves_is_no_reason_against_it(tmp_path):
+    folder = folder_of(tmp_path / "two", bump, **{COUPLING: [0.1, 0.2]})
     fits = fit_measure(read_points(folder, "near_walls"))
     assert [fit.axes for fit in fits] == [{COUPLING: 0.1}, {COUPLING: 0.2}]
     for fit in fits:
         assert (fit.axis, fit.of, fit.statistic, fit.reason) == (SPEED, "near_walls", "mean", "")
         assert fit.peak.places[0].estimate.value == pytest.approx(10**0.3, rel=0.1)
         assert not fit.minimum.is_found
-
-
-def test_what_is_0_where_nothing_moves_is_no_reason_against_it(tmp_path):
-    folder = folder_of(tmp_path, lambda x, random: bump(x, random) if x else 0.0, **{SPEED: [0.0, *PLACES.tolist()]})
+    folder = folder_of(tmp_path / "one", lambda x, r: bump(x, r) if x else 0.0, **{SPEED: [0.0, *PLACES.tolist()]})
     (fit,) = fit_measure(read_points(folder, "near_walls"))
     assert fit.peak.places[0].estimate.value == pytest.approx(10**0.3, rel=0.1)
 

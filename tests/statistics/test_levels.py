@@ -96,10 +96,9 @@ def drawn(mean: float, trials: int, seed) -> Measured:
 def test_so_many_trials_show_the_difference_as_often_as_is_said(difference: float, points: int, power: float) -> None:
     trials, seen = trials_needed([SPREAD] * points, difference, power), []
     for seed in range(200):
-        pairs = [
-            pair_up(drawn(50, trials, [seed, n]), drawn(50 * (1 + difference), trials, [seed, n, 1]))
-            for n in range(points)
-        ]
+        usual = [drawn(50, trials, [seed, n]) for n in range(points)]
+        longer = [drawn(50 * (1 + difference), trials, [seed, n, 1]) for n in range(points)]
+        pairs = map(pair_up, usual, longer)
         seen.append(mean_contrast([contrast(pair, of_logarithms=True) for pair in pairs]).low > 0)
     assert np.mean(seen) == pytest.approx(power, abs=0.09)  # 200 scatter by 0.035
 
@@ -229,11 +228,9 @@ def test_widths_are_of_half_an_interval_over_what_is_asked_and_contrasts_add_the
     one, other = Estimate(40, 37, 44), Estimate(60, 56, 63)
     difference = look_contrast(one, other, is_relative=False)
     assert difference.ends == pytest.approx((20, 20 - math.hypot(4, 4), 20 + math.hypot(3, 3)))
-    ratio, logs = (
-        look_contrast(*pair, is_relative=is_relative).ends
-        for pair, is_relative in (((one, other), True), ([each.apply(math.log) for each in (one, other)], False))
-    )
-    assert ratio == pytest.approx([math.exp(end) for end in logs])
+    of_logs = look_contrast(one.apply(math.log), other.apply(math.log), is_relative=False)
+    ratio = look_contrast(one, other, is_relative=True).ends
+    assert ratio == pytest.approx([math.exp(end) for end in of_logs.ends])
     assert look_contrast(Estimate(1, -1, 2), Estimate(2, -1, 3), is_relative=True).ends[1:] == (0, math.inf)
 
 

@@ -112,9 +112,7 @@ def test_several_folders_make_one_law(sizes, couplings) -> None:
         assert abs(value - truths[row.quantity][row.parameter == "L"]) < high - low
 
 
-def test_curves_without_extrema_are_left_out_and_those_that_differ_in_something_else_have_laws_of_their_own(
-    capsys, sizes
-) -> None:
+def test_curves_without_extrema_are_left_out_and_those_that_differ_otherwise_have_laws_of_their_own(capsys, sizes):
     (laws,) = fit_laws([sizes[0]._replace(places={}), *sizes[1:]])
     assert laws.curves == 2
     assert {row.parameter for row in laws.exponents} == {"L"}
@@ -333,7 +331,6 @@ def test_powers_that_do_not_hold_have_a_large_misfit_and_those_of_censored_trial
     assert (found.reason, censored.censored, censored.factor.has_interval) == ("", 1, False)
     text = " ".join(fitting.powers_table(fits).to_text().split())
     assert "1 of 2 combinations of the other axes: 0 points with known values do not determine 3 unknowns" in text
-    with pytest.raises(
-        EpuckSimError, match=r"mine: --power: \S*speed_cm_s is 0; allowed: axes of several values, all pos"
-    ):
+    refusal = r"mine: --power: \S*speed_cm_s is 0; allowed: axes of several values, all pos"
+    with pytest.raises(EpuckSimError, match=refusal):
         powers({COUNT: [5, 10], SPEED: [0, 1]}, lambda _: ended([5, 6]))

@@ -13,21 +13,10 @@ from scipy import stats
 
 from epuck_sim import EpuckSimError, StoreError, points, read_points
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
-from epuck_sim.statistics import Statistic, curves
+from epuck_sim.statistics import Statistic, curves, statistic
 from epuck_sim.statistics.comparison import compare, match_values
 from epuck_sim.statistics.curves import series_statistics, series_table, summarize_series
-from epuck_sim.statistics.statistic import (
-    Measured,
-    PointSummary,
-    estimate,
-    estimate_mean,
-    estimate_median,
-    estimate_share,
-    resample,
-    resample_means,
-    share_difference,
-    wilson_interval,
-)
+from epuck_sim.statistics.statistic import Measured, estimate, estimate_mean, estimate_median, resample, resample_means
 from epuck_sim.statistics.statistic import summarize as summaries_of
 from tests.cli.commands import called, cells
 from tests.runs import made_folders
@@ -123,7 +112,7 @@ def test_intervals_of_shares_and_of_their_differences_are_those_published():
         (0, 20, (0.0, 0.1611)),
         (1, 29, (0.0061, 0.1718)),
     ):
-        assert wilson_interval(true / trials, trials) == pytest.approx(interval, abs=5e-5)
+        assert statistic.wilson_interval(true / trials, trials) == pytest.approx(interval, abs=5e-5)
     for first, second, interval in (  # Newcombe 1998, Statistics in Medicine 17:873, table II, method 10
         ((48, 80), (56, 70), (0.0524, 0.3339)),
         ((3, 10), (9, 10), (0.1705, 0.8090)),
@@ -131,7 +120,7 @@ def test_intervals_of_shares_and_of_their_differences_are_those_published():
         ((0, 20), (0, 10), (-0.1611, 0.2775)),
         ((0, 10), (10, 10), (0.6075, 1.0)),
     ):
-        found = share_difference(truths(*first), truths(*second))
+        found = statistic.share_difference(truths(*first), truths(*second))
         assert found.value == pytest.approx(second[0] / second[1] - first[0] / first[1])
         assert (found.low, found.high) == pytest.approx(interval, abs=6e-5)
 
@@ -140,7 +129,7 @@ def test_intervals_of_shares_and_of_their_differences_are_those_published():
 @settings(max_examples=30)
 def test_shares_lie_in_their_intervals_and_these_between_0_and_1(trials, data):
     true = data.draw(st.integers(0, trials))
-    found = estimate_share(truths(true, trials))
+    found = statistic.estimate_share(truths(true, trials))
     assert found.value == true / trials
     assert found.has_interval == (trials >= 5)
     if found.has_interval:
@@ -270,15 +259,12 @@ def test_where_there_is_no_spread_or_few_synchronised_some_numbers_are_none() ->
     assert list(vars(without).values()) == [4, {SPEED: 5.0}, 0, 0, *[None] * 12, 100, False, "cycles"]
 
 
-def test_the_horizon_is_the_longest_follow_up_where_trials_ran_out_of_time_before() -> None:
+def test_the_horizon_is_the_longest_follow_up_and_trials_whose_reference_never_fired_are_counted() -> None:
     early = one_summary([10, 20, 30, 30], [True, True, False, False], stop={"max_cycles": 5000, "max_time_s": 150})
     assert early.horizon == 30
     assert early.restricted_mean == pytest.approx((10 + 20 + 30 + 30) / 4)
     followed = one_summary([10, 20, 40], [True, False, True])
     assert (followed.horizon, followed.restricted_mean) == (40, pytest.approx(10 + 30 * 2 / 3))
-
-
-def test_trials_whose_reference_never_fired_are_counted() -> None:
     summary = summaries_of(in_memory(sweep(), lambda _: ended([10, 0, 0], [True, False, False])))
     assert "Censored at 0 cycles, so without effect: 2 trials, whose reference never fired." in summary.table().notes
 
@@ -299,7 +285,7 @@ def test_t_sync_in_seconds_is_censored_as_cycles_are_and_unknown_where_trials_go
         summaries_of([point._replace(of="t_sync_s", measured=tuple(point.times)) for point in further])
 
 
-def ends(summary: PointSummary) -> list[float]:
+def ends(summary: statistic.PointSummary) -> list[float]:
     """Return all estimates, and the ends of their intervals, that are known."""
     return [end for each in summary.estimates.values() for end in each.ends if math.isfinite(end)]
 
@@ -316,7 +302,7 @@ def test_statistics_of_a_measure_are_those_of_the_sample_of_truth_values_shares_
     assert (of_measure(1.0, 2.0).mean, of_measure(1.0, 2.0).mean_low, of_measure(None).mean) == (1.5, None, None)
     summary = of_measure(True, None, False, True, True, False, True)
     assert (summary.trials, summary.mean, summary.median) == (6, pytest.approx(4 / 6), None)
-    assert (summary.mean_low, summary.mean_high) == pytest.approx(wilson_interval(4 / 6, 6))
+    assert (summary.mean_low, summary.mean_high) == pytest.approx(statistic.wilson_interval(4 / 6, 6))
     assert summary.is_share
     assert not of_measure(True, 0.5).is_share
 

@@ -85,9 +85,8 @@ def test_the_restricted_mean_is_the_sum_of_what_is_left_in_each_cycle(given_tria
     times, observed = given_trials
     curve = appendix_a(times, observed)
     left = [min([r for time, r in curve if time <= cycle], default=1) for cycle in range(horizon)]
-    assert survival.restricted_means(make_curve(times, observed), horizon)[0] == pytest.approx(
-        float(sum(left)), rel=1e-12
-    )
+    found = survival.restricted_means(make_curve(times, observed), horizon)[0]
+    assert found == pytest.approx(float(sum(left)), rel=1e-12)
 
 
 def fit_weibull(times, observed) -> tuple[float, float] | None:
@@ -194,14 +193,11 @@ def test_bootstrap_means_are_the_means_of_trials_drawn_with_replacement(censored
     np.testing.assert_allclose(weibull_resamples(*given_trials, 250, seed=11), expected, rtol=1e-6)
 
 
+EARLY_AND_LATE = [([2, 3, 4, 9, *range(1009, end, 7)], censored) for end, censored in ((1100, 0), (1200, 3))]
+
+
 @pytest.mark.parametrize(
-    ("times", "censored"),
-    [
-        ([2, 3, 4, 9, *range(1009, 1100, 7)], 0),
-        ([2, 3, 4, 9, *range(1009, 1200, 7)], 3),
-        ([21, 49, 18211, 25530, 16369, 65775], 2),
-        ([7, 7, 9], 0),
-    ],
+    ("times", "censored"), [*EARLY_AND_LATE, ([21, 49, 18211, 25530, 16369, 65775], 2), ([7, 7, 9], 0)]
 )
 def test_resamples_that_little_resemble_the_sample_are_fitted_as_well(times, censored):
     given_trials = np.array(times, float), np.arange(len(times)) >= censored
@@ -233,21 +229,15 @@ def test_bootstrap_means_of_any_trials_are_not_negative_and_raise_no_warning(giv
     assert not (observed.all() and np.isinf(means).any())
 
 
-THOUSAND = np.arange(1000.0)
-
-
-@pytest.mark.parametrize(
-    ("means", "interval"),
-    [
-        (THOUSAND[::-1], (24, 975)),
-        (np.where(THOUSAND < 976, THOUSAND, math.inf), (24, 975)),
-        (np.where(THOUSAND < 975, THOUSAND, math.inf), (24, math.inf)),
+def test_an_interval_lies_between_two_of_the_means_that_are_numbers():
+    thousand = np.arange(1000.0)
+    for means, interval in (
+        (thousand[::-1], (24, 975)),
+        *((np.where(thousand < n, thousand, math.inf), (24, high)) for n, high in ((976, 975), (975, math.inf))),
         ([math.nan, 3, 1, math.nan, 2], (1, 3)),
         ([math.nan], (math.nan, math.nan)),
-    ],
-)
-def test_an_interval_lies_between_two_of_the_means_that_are_numbers(means, interval):
-    np.testing.assert_equal(confidence_interval(np.array(means)), interval)
+    ):
+        np.testing.assert_equal(confidence_interval(np.array(means)), interval)
 
 
 def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn_one_by_one():

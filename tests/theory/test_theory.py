@@ -17,11 +17,8 @@ from epuck_sim.theory.predict import predict, predict_points
 from epuck_sim.theory.snapshots import changed_links, count_components, measure_graphs, take_snapshots
 from tests.cli.commands import called, read
 
-graphs = (
-    st.integers(2, 6)
-    .flatmap(lambda n: arrays(np.bool_, (3, n, n)))
-    .map(lambda found: found & ~np.eye(found.shape[1], dtype=bool))
-)
+any_links = st.integers(2, 6).flatmap(lambda n: arrays(np.bool_, (3, n, n)))
+graphs = any_links.map(lambda found: found & ~np.eye(found.shape[1], dtype=bool))
 MULTIPLICATIVE = Response(0, 0.1, 0.0)
 THRESHOLD = 1 - 1e-9
 
@@ -110,21 +107,18 @@ def test_links_that_are_new_at_each_instant_are_receivers_drawn_for_each_pulse(c
     assert found.cycles.value == pytest.approx(mean, abs=reach)
 
 
-def test_links_that_stay_are_those_of_agents_that_stand() -> None:
+def test_links_that_stay_are_those_of_agents_that_stand_and_what_none_joins_never_ends() -> None:
     settings = ["agents.count=6", "agents.speed_cm_s=0", "neighbourhood={kind: range, radius_cm: 142}"]
     mean, error = simulated(settings, 150)
     snapshots = take_snapshots(load_scenario("particles", settings), 10)
     found = find_limit(MULTIPLICATIVE, THRESHOLD, snapshots, math.inf, chains=200)
     assert found.cycles.value == pytest.approx(mean, abs=3 * math.hypot(error, found.cycles.value / 30))
-
-
-def test_what_no_link_joins_never_ends_and_no_snapshot_is_no_limit() -> None:
     apart = np.zeros((1, 3, 3), np.bool_)
     apart[0, 0, 1] = True
     found = find_limit(MULTIPLICATIVE, THRESHOLD, apart, math.inf, chains=2)
     assert found.ended.value == 0
     assert math.isnan(found.cycles.value)
-    assert math.isnan(find_limit(MULTIPLICATIVE, THRESHOLD, apart[:0], math.inf).cycles.value)
+    assert math.isnan(find_limit(MULTIPLICATIVE, THRESHOLD, apart[:0], math.inf).cycles.value)  # without a snapshot
 
 
 def test_pairs_grow_and_meet_as_their_curve_says() -> None:
