@@ -39,17 +39,12 @@ def curve_of(means, x=None, axes=None, censored=(), undetermined=(), seed=0) -> 
     is_undetermined = np.isin(places, list(undetermined))
     resampled = means * np.exp(0.05 * random.standard_normal((200, len(means))))
     resampled[:, is_undetermined] = math.inf
-    return Curve(
-        axes=axes or {},
-        scenario=SCENARIO,
-        statistic=Statistic.MEAN,
-        x=np.array(MANY_SPEEDS[: len(means)] if x is None else x, float),
-        trials=np.full(len(means), 200),
-        censored=np.where(is_undetermined, 1.0, np.where(np.isin(places, list(censored)), 0.25, 0.0)),
-        values=np.where(is_undetermined, math.nan, means),
-        intervals=np.percentile(resampled, [2.5, 97.5], axis=0, method="nearest").T,
-        resampled=resampled,
-    )
+    x = np.array(MANY_SPEEDS[: len(means)] if x is None else x, float)
+    shares = np.where(is_undetermined, 1.0, np.where(np.isin(places, list(censored)), 0.25, 0.0))
+    values = np.where(is_undetermined, math.nan, means)
+    intervals = np.percentile(resampled, [2.5, 97.5], axis=0, method="nearest").T
+    known = {"x": x, "trials": np.full(len(means), 200), "censored": shares, "values": values, "intervals": intervals}
+    return Curve(axes=axes or {}, scenario=SCENARIO, statistic=Statistic.MEAN, resampled=resampled, **known)
 
 
 def form_of(curves, axis=SPEED, searches=None, split_by=None) -> Curves:
@@ -70,7 +65,6 @@ EXTREMA = FORM.searches
 
 
 def axes_of(curves, axis=SPEED) -> Axes:
-    """Return the panel of curves without a minimum and a peak."""
     return form_of(curves, axis, [NOTHING] * len(curves)).draw_figure().axes[0]
 
 
@@ -227,16 +221,14 @@ def test_axes_have_the_thesis_s_symbols_and_plain_numbers_and_x_is_logarithmic_w
         assert [float(label) for label in labels] == pytest.approx(axis.get_majorticklocs()[: len(labels)])
         assert set("".join(labels)) <= set("0123456789.")
         assert seen(axis.get_ticklabels(minor=True)) == []
-    for axis, x, scale in [
-        (SPEED, [1, 2, 3], "log"),
-        (SPEED, [0, 1, 20], "linear"),
-        (COUNT, [5, 20, 40], "linear"),
-        (COUNT, [5, 20, 50], "log"),
-        (COUNT, [5, 5, 5], "linear"),
-        (COUNT, [5, 10, 20, 40], "log"),
-        (COUNT, [10, 20, 30, 50], "linear"),
+    for axis, scale, several in [
+        (SPEED, "log", [[1, 2, 3]]),
+        (SPEED, "linear", [[0, 1, 20]]),
+        (COUNT, "log", [[5, 20, 50], [5, 10, 20, 40]]),
+        (COUNT, "linear", [[5, 20, 40], [5, 5, 5], [10, 20, 30, 50]]),
     ]:
-        assert axes_of([curve_of([30] * len(x), x=x)], axis=axis).get_xscale() == scale
+        for x in several:
+            assert axes_of([curve_of([30] * len(x), x=x)], axis=axis).get_xscale() == scale
 
 
 def test_many_decades_are_labelled_by_powers_of_ten_that_do_not_overlap_and_a_narrow_range_too() -> None:

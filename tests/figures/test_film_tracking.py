@@ -30,17 +30,9 @@ def make_track(cycles: int, narrow_from: int | None = None, seconds: float | Non
     counts = counted(np.array(onsets), 0.375, times)
     found = evaluate(times, counts, PERIOD)
     sync = next((each for each in found if is_synchronised(each, THRESHOLD)), None)
-    at_s = None if sync is None else sync.time_s
-    return TRACK._replace(
-        times_s=times,
-        counts=counts,
-        evaluations=tuple(found),
-        period_s=PERIOD,
-        start_s=START,
-        threshold_ms=1000 * THRESHOLD,
-        histogram_s=None if at_s is None else at_s - START,
-        histogram_periods=None if at_s is None else (at_s - START) / PERIOD,
-    )
+    after_s, periods = (None, None) if sync is None else (sync.time_s - START, (sync.time_s - START) / PERIOD)
+    track = TRACK._replace(times_s=times, counts=counts, evaluations=tuple(found), period_s=PERIOD, start_s=START)
+    return track._replace(threshold_ms=1000 * THRESHOLD, histogram_s=after_s, histogram_periods=periods)
 
 
 RINGS = [Ring(0.0, 0.0, 3.5, 10.0, 20.0, 6.0), Ring(0.0, 0.0, 3.5, 40.0, 30.0, 6.5)]

@@ -340,13 +340,12 @@ def test_tables_hold_every_moment_of_every_course_and_every_deviation_that_is_no
     ]
     table = written(SHOWN.tables[".csv"])
     assert [*table[0]] == [AGENT_SPEED, "cycle", "agent", "deviation"]
-    assert [[*row.values()] for row in table] == [
-        in_csv(read.axes[AGENT_SPEED], cycle, agent, read.deviation[moment, agent])
-        for read in SHOWN.shown
-        for moment, cycle in enumerate(read.cycle)
-        for agent in range(5)
-        if read.deviation[moment, agent] > 0
-    ]
+    expected = []
+    for read in SHOWN.shown:
+        for moment, agent in np.argwhere(read.deviation > 0).tolist():
+            row = read.cycle[moment], agent, read.deviation[moment, agent]
+            expected.append(in_csv(read.axes[AGENT_SPEED], *row))
+    assert [[*row.values()] for row in table] == expected
 
 
 COUNTS = [7, 3, 5]
@@ -404,7 +403,7 @@ def test_a_violin_is_as_wide_as_the_density_of_the_logarithms_of_the_trials_that
             shown = np.interp(np.log(corners[:, 1]), np.log(heights), expected)
             np.testing.assert_allclose(widths, shown * point.observed.mean(), atol=1e-6)
     assert next(points, None) is None
-    """Of a lognormal distribution it is a bell around the median, and not around the mean."""
+    # of a lognormal distribution it is a bell around the median, and not around the mean
     drawn = np.exp(5 + np.random.default_rng(1).standard_normal(20_000))
     heights, widths = density(drawn, of_logarithms=True)
     expected = np.exp(-((np.log(heights) - 5) ** 2) / 2 / (1 + 20_000**-0.4))
@@ -439,16 +438,11 @@ def test_titles_labels_the_legend_and_the_caption_name_what_there_is(violin_pane
     assert [panel.get_title() for panel in violin_panels] == [f"N = {count}" for count in COUNTS]
     assert len({(panel.get_xlim(), panel.get_ylim()) for panel in violin_panels}) == 1
     assert (violin_panels[0].get_xlabel(), violin_panels[0].get_ylabel()) == ("V (cm/s)", r"$T_\mathrm{sync}$ (cycles)")
-    expected = [
-        "trials that synchronised",
-        "Weibull mean (Appendix A)",
-        "95 % interval of the Weibull mean",
-        "undetermined: too many censored",
-        "mean, if no trial is censored",
-        r"$T_\mathrm{cens}$ of the Weibull mean: 60",
-    ]
-    assert legend_texts(violin_panels[0].figure) == expected
-    assert not {*expected[3:4], *expected[5:]} & {*legend_texts(OPEN.draw_figure())}
+    always = ["trials that synchronised", "Weibull mean (Appendix A)", "95 % interval of the Weibull mean"]
+    crosses, means = "undetermined: too many censored", "mean, if no trial is censored"
+    limit = r"$T_\mathrm{cens}$ of the Weibull mean: 60"
+    assert legend_texts(violin_panels[0].figure) == [*always, crosses, means, limit]
+    assert not {crosses, limit} & {*legend_texts(OPEN.draw_figure())}
     censored = sum(int((~point.observed).sum()) for point in VIOLIN_POINTS)
     trials = sum(len(point.times) for point in VIOLIN_POINTS)
     numbers = count_trials([len(point.times) for point in VIOLIN_POINTS])

@@ -129,12 +129,11 @@ def test_axes_are_those_asked_for_or_else_the_scenario_s() -> None:
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory) -> list[Path]:
     """Return two run folders, of scenarios of other names with the same axes in another order."""
-    folder = tmp_path_factory.mktemp("folders")
-    axes, made = [(COUNT, [3, 5]), (SPEED, SPEEDS)], (("a", "demo", 50, 1), ("b", "other", 90, -1))
-    return [
-        made_folders.store(folder / name / "run", sweep(dict(axes[::step]), 9, scenario), partial(weibull, mean=mean))
-        for name, scenario, mean, step in made
-    ]
+    folder, axes, made = tmp_path_factory.mktemp("folders"), [(COUNT, [3, 5]), (SPEED, SPEEDS)], []
+    for name, scenario, mean, step in (("a", "demo", 50, 1), ("b", "other", 90, -1)):
+        swept = sweep(dict(axes[::step]), 9, scenario)
+        made.append(made_folders.store(folder / name / "run", swept, partial(weibull, mean=mean)))
+    return made
 
 
 def test_folders_are_told_apart_by_their_names_in_the_figure_the_table_and_the_caption(folders) -> None:

@@ -31,15 +31,10 @@ from tests.recording import recordings
 ENDINGS = (".png", ".svg")
 SVG = "{http://www.w3.org/2000/svg}"
 
-MIXED = {
-    "name": "mixed",
-    "robots": [
-        {"count": 2, "parameters": {"period_s": 4}},
-        {"count": 1, "controller": "obstacle_avoidance"},
-        {"count": 3, "parameters": {"period_s": 5}},
-    ],
-    "stop": {"reference_robot": 4, "max_time_s": 25, "order_parameter": 1},
-}
+FAST, USUAL = ({"count": count, "parameters": {"period_s": period_s}} for count, period_s in ((2, 4), (3, 5)))
+THREE_GROUPS = [FAST, {"count": 1, "controller": "obstacle_avoidance"}, USUAL]
+STOP = {"reference_robot": 4, "max_time_s": 25, "order_parameter": 1}
+MIXED = {"name": "mixed", "robots": THREE_GROUPS, "stop": STOP}
 
 
 def recorded(path: Path, scenario: Any, seed: int = 0, level: Level = Level.POSES) -> Recorded:
@@ -162,13 +157,12 @@ def test_the_title_names_the_outcome_and_what_is_not_as_in_the_shipped_scenario(
     mine = changed.model_copy(update={"robots": (changed.robots[0].model_copy(update={"controller": "/me/once.py"}),)})
     assert "controller = once," in page_title(trial._replace(scenario=mine), has_oscillators=True)
     assert draw_page(trial, "mine").get_suptitle() == "mine"
-    for stop, has_oscillators, outcome in [
-        ({}, True, "not synchronised"),
-        ({"order_parameter": None}, True, "7 cycles"),
-        ({"order_parameter": None}, False, "without oscillators"),
+    for stop, outcome in [
+        ({}, "not synchronised"),
+        *(({"order_parameter": None}, said) for said in ("7 cycles", "without oscillators")),
     ]:
         ended = SimpleNamespace(scenario=load_scenario({"stop": stop}), seed=1, cycles=7, synchronised=False)
-        title = page_title(ended, has_oscillators=has_oscillators)
+        title = page_title(ended, has_oscillators=outcome != "without oscillators")
         assert title.splitlines()[0] == f"thesis, seed 1: {outcome}"
 
 
@@ -236,15 +230,12 @@ def test_floor_and_lamps_are_drawn_if_there_are_any(tmp_path, pages) -> None:
     assert not pages["thesis"][0].get_images()
 
 
-@pytest.mark.parametrize(
-    "scenario",
-    [
-        {"robots": [{"poses": [[30, 30, 0]], "controller": "constant"}], "stop": {"max_time_s": 0.01}},
-        {**MIXED, "stop": {"reference_robot": 2, "max_time_s": 6}},
-        {"arena": {"width_cm": 400, "height_cm": 200}, "robots": [{"count": 60}], "stop": {"max_time_s": 0.2}},
-    ],
-    ids=["one step", "no firing", "a crowd"],
-)
+ONE_STEP = {"robots": [{"poses": [[30, 30, 0]], "controller": "constant"}], "stop": {"max_time_s": 0.01}}
+NO_FIRING = {**MIXED, "stop": {"reference_robot": 2, "max_time_s": 6}}
+CROWD = {"arena": {"width_cm": 400, "height_cm": 200}, "robots": [{"count": 60}], "stop": {"max_time_s": 0.2}}
+
+
+@pytest.mark.parametrize("scenario", [ONE_STEP, NO_FIRING, CROWD], ids=["one step", "no firing", "a crowd"])
 def test_any_trial_can_be_drawn_undistorted(tmp_path, scenario: Any) -> None:
     trial = recorded(tmp_path / "t.rrd", scenario)
     arena, *_ = laid_out(draw_page(trial)).axes

@@ -29,7 +29,6 @@ from tests.tools import needs_browser
 
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driven]:
-    """The browser of all tests of pages."""
     driven = Driven(tmp_path_factory.mktemp("browser") / "profile")
     yield driven
     driven.close()
@@ -201,10 +200,8 @@ def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: D
     browser.set_window(width, 900, is_dark=width == 360)
     opened("thesis")
     assert browser.run("document.documentElement.scrollWidth") <= width
-    nameless = """[...document.querySelectorAll('button, input, select, canvas')].filter((each) => {
-      const named = each.textContent.trim() || each.labels?.length || each.ariaLabel || each.closest('figure');
-      return !named;
-    })"""
+    nameless = """[...document.querySelectorAll('button, input, select, canvas')].filter(
+      (each) => !(each.textContent.trim() || each.labels?.length || each.ariaLabel || each.closest('figure')))"""
     assert browser.run(f"{nameless}.map((each) => each.outerHTML)") == []
 
 
@@ -276,7 +273,7 @@ def test_speeds_are_above_0_and_none_is_beyond_what_wheels_can(scenario: str, li
     assert len(set(stops)) == len(stops)
 
 
-def test_sliders_have_no_value_that_the_program_refuses(tmp_path: Path) -> None:
+def test_sliders_have_no_value_that_the_program_refuses_and_as_many_robots_as_find_room(tmp_path: Path) -> None:
     changes = ["robots.0.memory={phase_ms: 4000}", "robots.0.parameters={delay_ms: 62, flash_fraction: 0.1}"]
     settings = page_data(load_scenario("thesis", changes), "thesis")["settings"]
     stops = {each["key"].rpartition(".")[2]: each["stops"] for each in settings}
@@ -286,9 +283,6 @@ def test_sliders_have_no_value_that_the_program_refuses(tmp_path: Path) -> None:
     settings = page_data(load_scenario("particles", changes), "particles")["settings"]
     stops = {each["key"]: each["stops"] for each in settings}
     assert (stops["response.coupling"][0], stops["agents.speed_cm_s"][-1]) == (0.01, 10)
-
-
-def test_a_page_has_as_many_robots_as_find_room() -> None:
     pillar = "arena.obstacles=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 5}]"
     counts, *_ = page_data(load_scenario("thesis", [pillar]), "thesis")["settings"]
     assert (counts["key"], counts["stops"][0], counts["value"]) == ("robots.0.count", 1, 10)
@@ -296,7 +290,7 @@ def test_a_page_has_as_many_robots_as_find_room() -> None:
 
 
 @needs_browser
-def test_floors_and_lamps_are_drawn(opened) -> None:
+def test_floors_and_lamps_are_drawn_and_cameras_of_robots_are_those_of_their_groups(opened) -> None:
     grey = "{shape: box, x_cm: 15, y_cm: 60, width_cm: 30, height_cm: 60, heading_rad: 0, brightness: 0.2}"
     browser = opened("thesis", [f"arena.floor.patches=[{grey}]", "arena.lamps=[{x_cm: 45, y_cm: 15}]"])
     shares = browser.run("page.place().floor.map(([w, n, e, s, level]) => [(e - w) * (n - s), level])")
@@ -305,9 +299,6 @@ def test_floors_and_lamps_are_drawn(opened) -> None:
     drawn = "((pen) => (drawArena(pen, page.place(), page.shown(), colours()), pen.svg))(new SvgPen(300, 300))"
     assert "rgb(51,51,51)" in browser.run(drawn)
     assert opened("thesis").run("page.place().floor") == []
-
-
-def test_what_is_drawn_of_a_robots_camera_is_that_of_its_group(opened) -> None:
     wide = "{count: 2, camera: {field_of_view_deg: 180, range_cm: 30}}"
     browser = opened("thesis", [f"robots=[{{count: 2, signal: {{kind: radio}}}}, {wide}, {{count: 1}}]"])
     cones = "page.shown().cones.map(({ robot, half, reach }) => [robot, Math.round(half * 360 / Math.PI), reach])"
@@ -442,9 +433,8 @@ TRIALS = """
 
 
 @needs_browser
-@pytest.mark.parametrize("case", CASES)
-def test_trials_end_as_the_programs_do_to_the_bit(opened, case: str) -> None:
-    name, changes, trials = CASES[case]
+@pytest.mark.parametrize(("name", "changes", "trials"), CASES.values(), ids=CASES)
+def test_trials_end_as_the_programs_do_to_the_bit(opened, name: str, changes: list[str], trials: int) -> None:
     found = opened(name, changes).run(f"({TRIALS})(page.values, {json.dumps(list(range(trials)))})")
     assert found == ended(load_scenario(name, changes), range(trials))
 
@@ -504,21 +494,17 @@ def test_no_controller_is_compiled_for_this_machine_to_make_a_page(monkeypatch) 
 
 
 BENT = [f"response={{curve: {GOLDEN_FILES}/bent_curve.py, coupling: 0.1}}", "stop.max_cycles=200"]
-OWN_CASES = {
-    "a controller and its sensors": ("thesis", TURNERS, []),
-    "a response curve": ("particles", BENT, ["response.coupling=0.2"]),
-}
+OWN_CASES = [("thesis", TURNERS, []), ("particles", BENT, ["response.coupling=0.2"])]
 
 
 @pytest.mark.slow
 @needs_browser
 @pytest.mark.skipif(find_spec("ziglang") is None, reason="there is no ziglang to compile users' files for pages with")
-@pytest.mark.parametrize("case", OWN_CASES)
-def test_a_users_files_run_in_a_page_to_the_bit(opened, tmp_path: Path, monkeypatch, case: str) -> None:
-    for name, text in OWN_FILES.items():
-        (tmp_path / name).write_text(text)
+@pytest.mark.parametrize(("name", "changes", "moved"), OWN_CASES, ids=["a controller and sensors", "a response curve"])
+def test_a_users_files_run_in_a_page_to_the_bit(opened, tmp_path: Path, monkeypatch, name, changes, moved) -> None:
+    for file, text in OWN_FILES.items():
+        (tmp_path / file).write_text(text)
     monkeypatch.chdir(tmp_path)
-    name, changes, moved = OWN_CASES[case]
     browser, scenario = opened(name, changes), load_scenario(name, changes)
     assert browser.run(f"({TRIALS})(page.values, {json.dumps(list(range(8)))})") == ended(scenario, range(8))
     for key, value in (change.split("=") for change in moved):
