@@ -20,13 +20,12 @@ from tests.control.bench import with_sense
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
 DANCERS = {"name": "dancers", "robots": [{"count": 4, "controller": "external_wheels"}]}
 BLINKERS = {"name": "blinkers", "robots": [{"count": 2, "controller": "external_ring"}]}
+TASKS = [(SWARM, "coverage"), (DANCERS, "synchrony"), (BLINKERS, "aggregation")]
 AGENTS = ["robot_0", "robot_1", "robot_2"]  # those of `SWARM`
 
 
 @pytest.mark.parametrize("actions", ["continuous", "discrete"])
-@pytest.mark.parametrize(
-    ("scenario", "reward"), [(SWARM, "coverage"), (DANCERS, "synchrony"), (BLINKERS, "aggregation")]
-)
+@pytest.mark.parametrize(("scenario", "reward"), TASKS)
 def test_pettingzoos_tests_pass(scenario, reward, actions):
     make = partial(parallel_env, scenario, reward=reward, actions=actions, episode_s=1.0)
     with warnings.catch_warnings():
@@ -166,8 +165,8 @@ def test_a_seed_begins_a_row_of_episodes_which_all_differ_and_a_refused_one_chan
 
 
 def test_infinite_readings_are_observed_as_they_are(tmp_path):
-    text = "import math\n" + with_sense("readings.far[0], readings.far[1] = math.inf, -math.inf", "{'far': (float, 2)}")
-    (tmp_path / "far.py").write_text(text)
+    sense = with_sense("readings.far[0], readings.far[1] = math.inf, -math.inf", "{'far': (float, 2)}")
+    (tmp_path / "far.py").write_text(f"import math\n{sense}")
     env = parallel_env({**SWARM, "sensors": [str(tmp_path / "far.py")]})
     assert env.reset()[0]["robot_0"][env.observation_fields["sensors.far"]].tolist() == [math.inf, -math.inf]
 

@@ -59,15 +59,12 @@ def test_each_swarm_does_what_it_does_alone_to_the_bit(threads):
     batch.close()
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"schedule": [{"at_s": 0.5, "set": {"robots.1.parameters.speed_cm_s": 1.0}}]},
-        {"faults": [{"kind": "ring_dead", "share": 0.5, "at_s": 0.5}]},
-        {"robots": [{**SWARM["robots"][0], "camera": {"pixels": 20}}, {"count": 2}]},
-    ],
-)
+SLOWER = {"schedule": [{"at_s": 0.5, "set": {"robots.1.parameters.speed_cm_s": 1.0}}]}
+FAULTY = {"faults": [{"kind": "ring_dead", "share": 0.5, "at_s": 0.5}]}
+WITH_FEW_PIXELS = {"robots": [{**SWARM["robots"][0], "camera": {"pixels": 20}}, {"count": 2}]}
+
+
+@pytest.mark.parametrize("changes", [{}, SLOWER, FAULTY, WITH_FEW_PIXELS])
 def test_swarms_do_what_simulations_do(changes):
     """Where Python has a part in steps, and where compiled code takes all of them."""
     batch = vector_env({**SWARM, **changes}, 3, seed=7, control_steps=3)
@@ -121,7 +118,7 @@ def test_steps_need_actions_for_each_agent_of_an_episode_that_has_begun_and_the_
         batch.step(np.zeros((6, 3)))
 
 
-def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
+def test_an_error_of_a_controller_in_a_thread_reaches_the_caller_and_no_other_thread_goes_on(tmp_path):
     path = tmp_path / "late.py"
     path.write_text(with_step("memory.x += 1; actuators.left_cm_s = 1 / (5 - memory.x)"))
     robots = [{"count": 1, "controller": controller} for controller in ("external", str(path))]
@@ -131,10 +128,6 @@ def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
         batch.step(np.zeros((3, 3)))
     with pytest.raises(ControllerError, match=r"robot 1, step 4.*late.py"):
         batch.step(np.zeros((3, 3)))
-
-
-def test_after_an_error_in_a_thread_no_other_one_goes_on(tmp_path):
-    path = tmp_path / "late.py"
     path.write_text(with_step("memory.x += 1 / (1 - parameters.gain)").replace("{}", "{'gain': 0.0}"))
     robots = [{"count": 1, "controller": "external"}, {"count": 9, "controller": str(path)}]
     batch = vector_env({"robots": robots}, 2, threads=2, control_steps=20_000, episode_s=1e6)
@@ -176,7 +169,9 @@ def test_gymnasiums_check_passes_by_the_registered_name(actions, windows):
     assert not pyplot.get_fignums()
 
 
-def test_it_does_what_the_agent_of_a_swarm_does_to_the_bit():
+def test_it_does_what_the_agent_of_a_swarm_does_to_the_bit_and_a_batch_by_its_name_what_a_batch_of_swarms_does():
+    batch = gymnasium.make_vec(ROBOT_ENV, num_envs=3, scenario=AMONG_FIREFLIES)
+    np.testing.assert_array_equal(batch.reset(seed=5)[0], vector_env(AMONG_FIREFLIES, 3).reset(seed=5)[0])
     robot = RobotEnv(AMONG_FIREFLIES, seed=3, reward="coverage", episode_s=2.0)
     swarm = parallel_env(AMONG_FIREFLIES, seed=3, reward="coverage", episode_s=2.0)
     for _ in range(2):
@@ -219,11 +214,6 @@ def test_wrappers_that_people_use_work():
     assert infos["episode"]["l"].tolist() == [10] * 6
 
 
-def test_a_batch_of_robots_by_the_registered_name_is_a_batch_of_swarms():
-    batch = gymnasium.make_vec(ROBOT_ENV, num_envs=3, scenario=AMONG_FIREFLIES)
-    np.testing.assert_array_equal(batch.reset(seed=5)[0], vector_env(AMONG_FIREFLIES, 3).reset(seed=5)[0])
-
-
 def test_a_window_shows_each_step_by_itself_and_closes(windows):
     robot = RobotEnv(AMONG_FIREFLIES, render_mode="human")
     robot.reset(seed=np.int64(1))
@@ -236,11 +226,8 @@ def test_a_window_shows_each_step_by_itself_and_closes(windows):
 
 @pytest.mark.parametrize("make", [RobotEnv, lambda scenario: gymnasium.make_vec(ROBOT_ENV, 2, scenario=scenario)])
 def test_swarms_without_exactly_one_driven_robot_are_refused(make):
-    for scenario, message in (
-        ({"robots": [{"count": 2, "controller": "external"}]}, "2 robots are driven from outside"),
-        ("thesis", "10 robots are driven from outside"),
-    ):
-        with pytest.raises(ScenarioError, match=message):
+    for scenario, count in (({"robots": [{"count": 2, "controller": "external"}]}, 2), ("thesis", 10)):
+        with pytest.raises(ScenarioError, match=f"{count} robots are driven from outside"):
             make(scenario)
     with pytest.raises(ValueError, match="max_episode_steps is 9; allowed: episode_s, in simulated seconds"):
         gymnasium.make_vec(ROBOT_ENV, 2, max_episode_steps=9)

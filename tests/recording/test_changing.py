@@ -24,11 +24,9 @@ WALLS_CHANGE = {
     ],
     "stop": {"max_time_s": 8, "order_parameter": None},
 }
+THREE = {"poses": [[10, 10, 0], [20, 10, 1], [40, 40, 2]], "memory": {"phase_ms": [4900, 4900, 2400]}}
 ROBOTS_COME_AND_GO = {
-    "robots": [
-        {"poses": [[10, 10, 0], [20, 10, 1], [40, 40, 2]], "memory": {"phase_ms": [4900, 4900, 2400]}},
-        {"count": 1, "present": False},
-    ],
+    "robots": [THREE, {"count": 1, "present": False}],
     "schedule": [{"at_s": 1, "remove": [2]}, {"at_s": 2, "add": [3]}, {"at_s": 4, "remove": [1]}],
     "stop": {"max_time_s": 6, "order_parameter": None},
 }

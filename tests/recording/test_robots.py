@@ -33,10 +33,8 @@ from tests.recording.recordings import Found, Watched, recorded
 SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings", "/order/threshold"}
 POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
 NUMBERS = {f"/arena/numbers/{robot}" for robot in range(10)}
-FULL = POSES | {
-    *("/wheels", "/infrared", "/camera/rows", "/camera/space_time"),
-    *("/arena/views", "/arena/sightings", "/arena/contacts"),
-}
+SENSED = {"/wheels", "/infrared", "/camera/rows", "/camera/space_time"}
+FULL = POSES | SENSED | {"/arena/views", "/arena/sightings", "/arena/contacts"}
 MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES | NUMBERS, Level.FULL: FULL | NUMBERS}
 
 SHOWN: dict[str, Any] = parse_yaml(
@@ -227,11 +225,10 @@ def test_cones_of_any_signal_show_their_edges_and_those_all_around_are_circles(t
 
 @pytest.mark.parametrize(("rows", "robots"), [(recorder.BUFFER_ROWS, 3), (100, 2)])
 def test_in_a_picture_of_a_minute_time_runs_down_and_robots_with_room_are_beside(tmp_path, monkeypatch, rows, robots):
-    """Two and a half pictures, of 120 steps each."""
     monkeypatch.setattr(layers, "PICTURE_STEPS", 120)
     monkeypatch.setattr(layers, "MAX_COLUMNS", robots * 16 + 10)
     monkeypatch.setattr(recorder, "BUFFER_ROWS", rows)
-    watched, stop = Watched(), {"max_time_s": 150, "order_parameter": 1}
+    watched, stop = Watched(), {"max_time_s": 150, "order_parameter": 1}  # two and a half pictures
     group = {"count": 3, "camera": {"pixels": 12}}
     scenario = load_scenario({"robots": [group], "timing": {"control_hz": 2}, "stop": stop})
     recorded(tmp_path / "t.rrd", scenario, 1, Level.FULL, watched)

@@ -113,7 +113,7 @@ def test_random_numbers_follow_from_the_seed_and_firmware_in_c_is_tested_likewis
     assert (robot.ring_on, robot.memory.phase_ms, robot.left_cm_s) == (True, 0, 3.0)
 
 
-def test_a_robot_faces_a_wall_or_a_robot_that_is_lit_or_dark_at_the_given_distance():
+def test_a_robot_faces_a_wall_or_a_robot_that_is_lit_or_dark_at_the_given_distance_with_sensors_of_its_own(tmp_path):
     near, far = (facing_wall("constant", gap_cm=gap).advance(1) for gap in (2.0, 50.0))
     assert near.distance_mm[0, [0, 7]].max() < 40
     assert (far.distance_mm == 65535).all()
@@ -122,9 +122,6 @@ def test_a_robot_faces_a_wall_or_a_robot_that_is_lit_or_dark_at_the_given_distan
     assert lit.camera[0, 29:31].all()
     assert not dark.camera.any()
     assert lit.poses[1, 0] - lit.poses[0, 0] == pytest.approx(20 + 2 * 3.7)
-
-
-def test_sensors_in_files_of_their_own_sense_in_scenes(tmp_path):
     sensor = tmp_path / "place.py"
     sensor.write_text("READINGS = {'place': float}\ndef sense(w, robot, readings, p, r): readings.place = robot.x\n")
     wall = facing_wall("constant", 2, sensors=[sensor]).advance(1)
@@ -133,12 +130,9 @@ def test_sensors_in_files_of_their_own_sense_in_scenes(tmp_path):
         assert step.readings["place"].tolist() == step.poses[:, 0].tolist()
 
 
-def test_the_fixture_finds_controllers_and_sensors_beside_the_test(make_robot):
+def test_the_plugin_is_in_the_package_loads_nothing_heavy_and_finds_controllers_and_sensors_beside_a_test(make_robot):
     robot = make_robot("../controllers/firmware/firefly.c", sensors=["../plugins/darkness/darkness/ground.py"])
     assert dir(robot.readings) == ["darkness"]
-
-
-def test_the_plugin_is_named_in_the_package_and_loads_nothing_heavy():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     name = project["entry-points"]["pytest11"]["epuck_sim.pytest_plugin"]
     assert hasattr(import_module(name), "make_robot")

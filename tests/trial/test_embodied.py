@@ -202,13 +202,9 @@ def test_a_trial_is_censored_after_max_time_rounded_up_to_a_whole_step():
             assert watched.is_over == (number + 1 == steps)
 
 
-COLUMNS = [
-    *("time_s", "robot", "x_cm", "y_cm", "heading_rad", "left_cm_s", "right_cm_s"),
-    *("ring_on", "phase_ms", "flash_seen"),
-    *(f"distance_mm_{sensor}" for sensor in range(8)),
-    *(f"infrared_{sensor}" for sensor in range(8)),
-    "camera",
-]
+INFRARED = [f"{reading}_{sensor}" for reading in ("distance_mm", "infrared") for sensor in range(8)]
+MOTION = ["time_s", "robot", "x_cm", "y_cm", "heading_rad", "left_cm_s", "right_cm_s"]
+COLUMNS = [*MOTION, "ring_on", "phase_ms", "flash_seen", *INFRARED, "camera"]
 
 
 @pytest.mark.parametrize("arena", ["thesis", "spotlight"])

@@ -139,10 +139,8 @@ def test_trials_differ_in_their_starts_and_sweeps_keep_the_key():
 
 def test_files_of_robots_are_found_beside_the_scenario(tmp_path):
     (tmp_path / "robots.yaml").write_text("robots: [{count: 3}]\n")
-    (tmp_path / "agents.yaml").write_text(
-        "model: particles\nagents: {count: 3}\nneighbourhood: {kind: all}\nspace: {side_cm: 60}\n"
-        "start: {like: robots.yaml}\n"
-    )
+    agents = "model: particles\nagents: {count: 3}\nneighbourhood: {kind: all}\nspace: {side_cm: 60}\n"
+    (tmp_path / "agents.yaml").write_text(f"{agents}start: {{like: robots.yaml}}\n")
     scenario = load_scenario(tmp_path / "agents.yaml")
     assert scenario.start.like == str(tmp_path / "robots.yaml")
     robots = Simulation(str(tmp_path / "robots.yaml"), 1)
@@ -200,14 +198,11 @@ def told(orders: list[float], **state: object) -> list[tuple[int, float]]:
     return found
 
 
-def test_a_hopeless_trial_is_told_of_once_from_cycles_on_that_are_enough() -> None:
+def test_a_hopeless_trial_is_told_of_once_from_cycles_on_that_are_enough_as_one_of_robots_hardly_coupled() -> None:
     assert told([0.2] * (WINDOW - 1)) == []
     assert told([0.2] * 5 * WINDOW) == [(WINDOW, pytest.approx(0.2))]
     assert told([0.9, 0.7] * WINDOW + [0.2] * 5 * WINDOW) == [(3 * WINDOW, pytest.approx(0.2))]
     assert told([None] * 5 + [0.2] * WINDOW) == [(WINDOW + 5, pytest.approx(0.2))]
-
-
-def test_robots_that_are_hardly_coupled_are_hopeless() -> None:
     found: list[float] = []
     simulation = simulate(load_scenario("thesis", ["coupling=1e-6", "max_cycles=201"]), 3)
     run_trial(simulation, progress=hopelessness_watch("complex", found.append))
@@ -264,13 +259,9 @@ def silenced(**stop):
     They are nearest to nobody, and a third of a cycle apart.
     """
     round_it = [[50 + 10 * math.cos(a), 50 + 10 * math.sin(a)] for a in (0, 2 * math.pi / 3, 4 * math.pi / 3)]
-    return make_resting(
-        [0.1, 0.9, 0.9 - 1 / 3, 0.9 - 2 / 3],
-        [[50.0, 50.0], *round_it],
-        response={"curve": "sawtooth", "coupling": 1.0},
-        neighbourhood={"kind": "nearest"},
-        stop={"order_parameter": THRESHOLD, **stop},
-    )
+    phases, response = [0.1, 0.9, 0.9 - 1 / 3, 0.9 - 2 / 3], {"curve": "sawtooth", "coupling": 1.0}
+    sections = {"neighbourhood": {"kind": "nearest"}, "stop": {"order_parameter": THRESHOLD, **stop}}
+    return make_resting(phases, [[50.0, 50.0], *round_it], response=response, **sections)
 
 
 def test_a_trial_whose_reference_never_fires_lasts_twice_max_cycles_observed_or_not_at_any_pace(monkeypatch):
