@@ -15,21 +15,13 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial, simulate
 from tests.benchmarks.measuring import cpu_s
 
-SCENARIOS = {
-    f"{robots:,} robots": {
-        "robots": [{"count": robots}],
-        "arena": {"width_cm": side_cm, "height_cm": side_cm},
-        "stop": {"order_parameter": 1.0, "max_cycles": cycles},
-    }
-    for robots, side_cm, cycles in [(10, 60, 10), (100, 221, 4), (1000, 700, 2)]
-} | {
-    f"{agents:,} agents": {
-        "model": "particles",
-        "agents": {"count": agents},
-        "stop": {"order_parameter": None, "max_cycles": cycles},
-    }
-    for agents, cycles in [(20, 300), (1000, 5)]
-}
+SCENARIOS: dict[str, dict[str, Any]] = {}
+for _robots, _side_cm, _cycles in [(10, 60, 10), (100, 221, 4), (1000, 700, 2)]:
+    _size, _stop = {"width_cm": _side_cm, "height_cm": _side_cm}, {"order_parameter": 1.0, "max_cycles": _cycles}
+    SCENARIOS[f"{_robots:,} robots"] = {"robots": [{"count": _robots}], "arena": _size, "stop": _stop}
+for _agents, _cycles in [(20, 300), (1000, 5)]:
+    _stop = {"order_parameter": None, "max_cycles": _cycles}
+    SCENARIOS[f"{_agents:,} agents"] = {"model": "particles", "agents": {"count": _agents}, "stop": _stop}
 
 PAIRS = 5  # trials with and without a measure that take turns; their medians count
 

@@ -25,13 +25,8 @@ GROWTH = "agents", "ns a firing", "with a search over all pairs"
 
 
 def make_simulation(agents: int, neighbourhood: dict, side_cm: float, speed: float, seed: int) -> ParticleSimulation:
-    scenario = {
-        "model": "particles",
-        "space": {"side_cm": side_cm},
-        "agents": {"count": agents, "speed_cm_s": speed},
-        "neighbourhood": neighbourhood,
-    }
-    return ParticleSimulation(scenario, seed)
+    swarm = {"space": {"side_cm": side_cm}, "agents": {"count": agents, "speed_cm_s": speed}}
+    return ParticleSimulation({"model": "particles", **swarm, "neighbourhood": neighbourhood}, seed)
 
 
 def measure(simulations: list[ParticleSimulation], cycles: int) -> tuple[float, float]:

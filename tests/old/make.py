@@ -40,19 +40,12 @@ ROBOTS = {
     "stop": {"max_cycles": 5},
     "seed": 7,
 }
-AGENTS = {
-    "name": "agents",
-    "model": "particles",
-    "agents": {"count": 6, "speed_cm_s": 20},
-    "measures": ["largest_cluster"],
-    "stop": {"max_cycles": 30},
-    "trials": 5,
-}
+AGENTS = {"name": "agents", "model": "particles", "agents": {"count": 6, "speed_cm_s": 20}, "trials": 5}
+AGENTS |= {"measures": ["largest_cluster"], "stop": {"max_cycles": 30}}
+QUICK = {"period_s": 2, "speed_cm_s": 2, "coupling": 0.5}
 FILMED = {
     "name": "filmed",
-    "robots": [
-        {"count": 3, "parameters": {"period_s": 2, "speed_cm_s": 2, "coupling": 0.5}, "signal": {"kind": "cone"}}
-    ],
+    "robots": [{"count": 3, "parameters": QUICK, "signal": {"kind": "cone"}}],
     "stop": {"max_cycles": 8, "further_cycles": 8},
     "overhead": {"width_px": 200, "height_px": 200, "noise_levels": 0},
 }
@@ -80,7 +73,6 @@ def make(folder: Path) -> None:
 
 
 def run_values(path: Path) -> dict[str, Any]:
-    """Return what a run folder holds."""
     points, status = read_points(path, of="largest_cluster"), read_status(path)
     return {
         "points": [
@@ -95,7 +87,6 @@ def run_values(path: Path) -> dict[str, Any]:
 
 
 def recording_values(path: Path) -> dict[str, Any]:
-    """Return what a recording holds."""
     held = epuck_sim.read_recording(path)
     names = ("time_s", "positions", "headings", "ring_on", "phase_ms")
     arrays = {**{name: getattr(held, name) for name in names}, "flashes": held.flash_s}
@@ -122,7 +113,6 @@ def film_values(path: Path) -> dict[str, Any]:
 
 
 def trace_values(path: Path) -> dict[str, Any]:
-    """Return what a trace holds."""
     table = pq.read_table(path)
     metadata = {name.decode(): text.decode() for name, text in table.schema.metadata.items()}
     columns = {name: str(table[name].type) for name in table.column_names}
