@@ -69,7 +69,10 @@ class Table(NamedTuple):
         """Return the rows as CSV, with the axes first."""
         records = self.records()
         axes = [{key: csv_cell(value, AXIS_DIGITS) for key, value in each.pop("axes").items()} for each in records]
-        rows = ([*head.values(), *map(csv_cell, each.values())] for head, each in zip(axes, records, strict=True))
+        rows = (
+            [*map(head.get, axes[0]), *(csv_cell(each.get(name)) for name in records[0])]
+            for head, each in zip(axes, records, strict=True)
+        )
         return csv_text((*axes[0], *records[0]) if records else (), rows)
 
     def to_html(self) -> Element:

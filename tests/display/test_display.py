@@ -208,6 +208,8 @@ def test_values_of_axes_are_shown_as_scenarios_have_them_and_with_all_of_their_d
     head, *lines = Table("", rows).to_csv().splitlines()
     assert head == "max_cycles,speed,trials"
     assert lines == [f"{cycles},0.1234567,1234567" for cycles in (1_000_000, 1_000_001)]
+    in_any_order = [Row({"n": 1, "v": 2}, {"mean": 3, "sd": 4}), Row({"v": 6, "n": 5}, {"sd": 8, "mean": 7})]
+    assert Table("", in_any_order).to_csv().splitlines() == ["n,v,mean,sd", "1,2,3,4", "5,6,7,8"]
 
 
 def test_a_table_that_is_too_wide_comes_in_parts_with_what_tells_rows_apart() -> None:
