@@ -123,7 +123,7 @@ UNLIMITED_S = 600.0
 
 
 MOST_MASS_RATIO = 20.0
-"""Largest ratio of masses of robots whose contacts Chipmunk solves: with 100, the heavy press others 4 cm into walls."""
+"""Largest ratio of masses of robots for which contacts hold: with 100, the heavy press others 4 cm into walls."""
 
 
 class EmbodiedStop(StopSection):
@@ -280,7 +280,7 @@ class EmbodiedScenario(Scenario):
                 found.append(f"robots.{number}.parameters.flash_pixels is {least:g}, but {shown}")
         masses_g = [kind.mass_g for kind in self.robot_kinds if self.contact.robots] or [1.0]
         if (ratio := max(masses_g) / min(masses_g)) > MOST_MASS_RATIO:
-            said = f"masses of robots differ by a factor of {ratio:.3g}: heavier ones press others into walls and each other"
+            said = f"masses of robots differ by a factor of {ratio:.3g}: heavier ones press others into walls"
             found.append(f"{said}; keep them within {MOST_MASS_RATIO:g}")
         moved = {robot for entry in self.schedule for robot in entry.remove}
         for number, entry in enumerate(self.schedule):
