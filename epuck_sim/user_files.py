@@ -27,7 +27,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar, cast
 import numpy as np
 
 from epuck_sim.errors import CODE_CHECKS, EpuckSimError
-from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, counted, describe_error, did_you_mean, short_repr
 
 AS_LOADED = "__as_loaded__"  # name in a loaded module of the fingerprints of its values when it was loaded
 
@@ -37,11 +37,11 @@ MAX_WHOLE = 2**53
 MOST_NUMBERS = 1_000_000  # most numbers of an array that a robot remembers
 NEAREST = 5  # number of known names that are listed for an unknown one
 OWN_PACKAGE = "epuck-sim"  # name of this package, among those that offer something
-Value = bool | int | float  # value of a parameter that compiled code can read
+Value = bool | int | float | tuple[float, ...]  # value of a parameter that compiled code can read
 
 _ALLOWED: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
-_Parameter = TypeVar("_Parameter", bound=bool | int | float | str)
+_Parameter = TypeVar("_Parameter", bound=Value | str)
 
 
 # --- finding ----------------------------------------------------------------------------------------
@@ -207,12 +207,12 @@ class PythonFile(NamedTuple):
             said = f"PARAMETERS is {short_repr(given)}; allowed: a mapping of names to default values"
             raise self.refusal("PARAMETERS", said)
         for name, default in given.items():
-            if not isinstance(default, Value):
-                said = f"PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false"
+            if not isinstance(default, bool | int | float | list | tuple) or default in ([], ()):
+                said = f"PARAMETERS[{name!r}] is {default!r}; allowed: a number, a list of numbers, true or false"
                 raise self.refusal("PARAMETERS", said)
         try:
             parameters = {name: typed(name, default, default) for name, default in given.items()}
-            record_type({name: type(default) for name, default in parameters.items()})
+            parameter_type(parameters)
         except (TypeError, ValueError) as error:
             raise self.refusal("PARAMETERS", f"PARAMETERS: {error}") from error
         return parameters
@@ -329,7 +329,11 @@ def with_defaults(owner: str, given: Mapping[str, object], defaults: Mapping[str
 
 def typed(name: str, given: object, default: _Parameter) -> _Parameter:
     """Return `given`, which may be one of numpy's numbers, converted to the default's type."""
-    value: Any = given.item() if isinstance(given, np.generic) else given
+    value: Any = given.tolist() if isinstance(given, np.generic | np.ndarray) else given
+    if isinstance(default, list | tuple):
+        if not isinstance(value, list | tuple) or len(value) != len(default):
+            raise ValueError(f"{name} is {short_repr(value)}; allowed: a list of {counted(len(default), 'number')}")
+        return cast("_Parameter", tuple(typed(f"{name}.{n}", number, 0.0) for n, number in enumerate(value)))
     kind, allowed = next((kind, allowed) for kind, allowed in _ALLOWED.items() if isinstance(default, kind))
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if kind is float:
@@ -364,6 +368,13 @@ def run_check(
     if refusal is not None:
         instead = f"check returned {short_repr(refusal)}; allowed: None, or text that says what is wrong"
         raise ValueError(refusal if refusal and isinstance(refusal, str) else instead)
+
+
+def parameter_type(values: Mapping[str, Value]) -> np.dtype[Any]:
+    """Return the type of records that hold these parameters."""
+    lengths = {name: len(value) for name, value in values.items() if isinstance(value, tuple)}
+    kinds = {name: (float, lengths[name]) if name in lengths else type(value) for name, value in values.items()}
+    return record_type(kinds)
 
 
 def record_type(fields: Mapping[str, Any], most: int = MOST_NUMBERS) -> np.dtype[Any]:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from epuck_sim.control.interface import Controller
 from epuck_sim.errors import ControllerError
-from epuck_sim.user_files import Value, record_type, typed
+from epuck_sim.user_files import Value, parameter_type, record_type, typed
 from epuck_sim.util.cache_folder import cache_root, remove_unused
 
 HEADERS = Path(__file__).with_name("include")  # folder of the header `epuck.h`
@@ -88,7 +88,7 @@ def load_firmware(path: Path) -> Firmware:
         raise ControllerError(f"{path}: was compiled with version {version} of epuck.h; compile it with {VERSION}")
     try:
         defaults = {name: _default(name, field) for name, field in fields["parameter"].items()}
-        parameters = record_type({name: type(default) for name, default in defaults.items()})
+        parameters = parameter_type(defaults)
         kinds = {name: (KINDS[field.kind], field.count) for name, field in fields["memory"].items()}
         memory = record_type({name: (kind, count) if count else kind for name, (kind, count) in kinds.items()})
     except ValueError as error:

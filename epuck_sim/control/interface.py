@@ -1,6 +1,6 @@
 """The interface of controllers: one Python file with `PARAMETERS`, `MEMORY`, `start` and `step` (see `control.loader`).
 
-    PARAMETERS = {"speed_cm_s": 6.0}     name -> default; the default's type is the parameter's type
+    PARAMETERS = {"speed_cm_s": 6.0}     name -> default; the default's type is the parameter's; a list is an array
     MEMORY = {"turns": int}              name -> type, or (type, shape): what a robot remembers between two steps
 
     def start(memory, parameters, random): ...
@@ -20,14 +20,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.user_files import Value, record_type, run_check, with_defaults
+from epuck_sim.user_files import Value, parameter_type, run_check, with_defaults
 
 EXTERNAL = ("wheels", "ring")  # parts of a robot that a controller may leave to commands from outside
 
@@ -127,11 +127,14 @@ class RobotCode:
     @cached_property
     def parameter_type(self) -> np.dtype[Any]:
         """Record type of its parameters."""
-        return record_type({name: type(value) for name, value in self.parameters.items()})
+        return parameter_type(self.parameters)
 
     def parameter_values(self, record: np.void) -> dict[str, Value]:
         """Return the parameters that a record holds, by name; see `parameter_record`."""
-        return {name: type(default)(record[name]) for name, default in self.parameters.items()}
+        return {
+            name: tuple(record[name].tolist()) if isinstance(default, tuple) else type(default)(record[name])
+            for name, default in self.parameters.items()
+        }
 
     def parameter_record(self, values: Mapping[str, Value]) -> npt.NDArray[np.void]:
         """Return (1,) a record that holds the value of each parameter."""
@@ -162,8 +165,13 @@ class Controller(RobotCode):
 
     def check_values(self, values: Mapping[str, Value]) -> None:
         """Raise ValueError if an oscillator's period is not above 0."""
-        if self.is_oscillator and values["period_s"] <= 0:
+        if self.is_oscillator and self.period_s(values) <= 0:
             raise ValueError(f"period_s is {values['period_s']}; allowed: above 0")
+
+    @staticmethod
+    def period_s(values: Mapping[str, Value]) -> float:
+        """Return the period of an oscillator, s, from its parameters."""
+        return cast("float", values["period_s"])
 
 
 @dataclass(frozen=True, eq=False)

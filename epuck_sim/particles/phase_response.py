@@ -16,7 +16,7 @@ from epuck_sim.control.compilation import compile_for
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
 from epuck_sim.scenario.particles import SHIPPED, ResponseSection, find_curve
-from epuck_sim.user_files import record_type
+from epuck_sim.user_files import parameter_type
 from epuck_sim.util.elementary import expm1, sin
 from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import BLOCK, array_at, evaluate, function_address, unlikely
@@ -151,8 +151,7 @@ def make_response(section: ResponseSection) -> Response:
 
 def record_of(section: ResponseSection) -> np.dtype[Any]:
     """Return the record type of the parameters of a user's curve."""
-    parameters = find_curve(section.curve).resolve(section.parameters)
-    return record_type({name: type(value) for name, value in parameters.items()})
+    return parameter_type(find_curve(section.curve).resolve(section.parameters))
 
 
 def shift_at(curve: ByteArray, phase: float) -> float:

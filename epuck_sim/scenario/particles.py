@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import BeforeValidator, Field
 
@@ -65,7 +65,7 @@ class Curve:
         values = with_defaults(self.name, given, self.parameters)
         if self.phase_shift is None:
             for name, value in values.items():
-                check_range(name, value, *LIMITS[name])
+                check_range(name, cast("float", value), *LIMITS[name])
         return values
 
     def check_shift(self, phase: float, coupling: float, parameters: Mapping[str, Value]) -> None:

@@ -277,7 +277,7 @@ def resolve_parameters(
     """Return all parameters of a controller, as given or by default; see `resolve_group`."""
     with refused_at(f"{origin}.parameters"):
         parameters = controller.resolve(given)
-        if controller.is_oscillator and parameters["period_s"] * 1000 <= step_ms:
+        if controller.is_oscillator and controller.period_s(parameters) * 1000 <= step_ms:
             allowed = f"longer than a control step, {step_ms / 1000:g} s"
             raise ValueError(f"period_s is {parameters['period_s']}; allowed: {allowed}")
     return parameters
@@ -299,7 +299,7 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
     if values.shape not in shapes or not np.isfinite(values).all() or not is_integral:
         raise ValueError(f"{name} is {short_yaml(given)}; allowed: {' or '.join(shapes.values())}")
     if name == "phase_ms" and controller.is_oscillator:
-        period_ms = parameters["period_s"] * 1000
+        period_ms = controller.period_s(parameters) * 1000
         if not ((values >= 0) & (values < period_ms)).all():
             raise ValueError(f"phase_ms is {short_yaml(given)}; allowed: 0 to below the period, {period_ms:g}")
 

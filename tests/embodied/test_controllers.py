@@ -41,7 +41,7 @@ import sibling
 from epuck_sim.util.rng import randint, uniform
 from oscillator import is_flash, updated
 
-PARAMETERS = oscillator.PARAMETERS | obstacle_avoidance.PARAMETERS | {"gain": 0.3, "turns": 4}
+PARAMETERS = oscillator.PARAMETERS | obstacle_avoidance.PARAMETERS | {"gain": 0.3, "turns": 4, "gains": [1, -0.5]}
 MEMORY = oscillator.MEMORY | obstacle_avoidance.MEMORY
 MEMORY = MEMORY | {"past": (float, 4), "counts": (int, (2, 3)), "level": float, "lit": bool}
 
@@ -66,6 +66,7 @@ def step(sensors, memory, actuators, parameters, random):
     remember(memory, sibling.weighed(sensors.infrared), random)
     for each in [sensors.distance_mm, sensors.camera, sensors.messages]:  # of one type, whatever their lengths
         memory.counts[1, 2] += each.sum()
+    memory.level *= parameters.gains[memory.counts[0, 0] % 2]
     memory.level = parameters.gain * memory.level + math.atan2(memory.past[0], 1.5) - memory.past.max() / 7
     if memory.counts[0, 0] % parameters.turns == 1:
         actuators.left_cm_s = min(actuators.left_cm_s + memory.level, 12.8)
@@ -86,7 +87,7 @@ def test_a_user_s_own_controller_does_the_same_compiled_and_interpreted_and_stay
     (tmp_path / "sibling.py").write_text(SIBLING)
     controller, chance = write_controller(tmp_path / "mine.py", MINE), np.random.default_rng(6)
     before = {path: dict(vars(module)) for path, module in controller.modules.items()}
-    for parameters in ({}, {"gain": -0.9, "turns": 1}):
+    for parameters in ({}, {"gain": -0.9, "turns": 1, "gains": np.array([2, 3])}):
         plain, quick = (Bench(controller, parameters, robots=10, interpret=interpret) for interpret in (True, False))
         states = {plain.state()}
         assert states == {quick.state()}, "start"

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario
+from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario, points
 from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE
+from epuck_sim.scenario.loader import write_scenario
+from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.builtin import ARENAS, builtin_files
 from tests.control.bench import EMPTY, with_step, write_controller
 from tests.control.test_firmware import write_firmware
@@ -318,6 +320,21 @@ def test_changed_parameters_act_from_the_next_step_on_reset_takes_them_back_and_
             simulation.set_parameters(group, **values)
         assert simulation.period_ms.tolist() == [5000, 5000, 5000]
         assert not simulation.snapshot().changes
+
+
+def test_a_list_of_numbers_is_a_parameter_of_scenarios_axes_and_running_trials(tmp_path):
+    turner = with_step("actuators.left_cm_s = parameters.w[1]", PARAMETERS="{'w': [1, 0.5, 0]}")
+    axes = ["w=[1, 2, 3],[3, 4, 5]"]
+    scenario = load_scenario({"robots": [{"controller": written(tmp_path, turner), "count": 2}]}, axes=axes)
+    assert load_scenario(parse_yaml(write_scenario(scenario), "")) == scenario
+    first, second = (point.scenario for point in points(scenario))
+    assert second.robots[0].parameters == {"w": (3.0, 4.0, 5.0)}
+    simulation = Simulation(first, 1)
+    assert next(simulation).wheels_cm_s[:, 0].tolist() == [2, 2]
+    simulation.set_parameters(w=np.array([0, 7, 0]))
+    assert [next(each).wheels_cm_s[1, 0] for each in (copy.copy(simulation), simulation)] == [7, 7]
+    simulation.reset()
+    assert next(simulation).wheels_cm_s[1, 0] == 2
 
 
 def test_a_controller_that_raises_at_a_restart_is_named(tmp_path):
