@@ -258,8 +258,11 @@ def test_a_link_brings_values_and_seed_back_and_a_command_runs_one_trial(opened)
     browser.leave()
     browser.open(link)
     assert browser.run("page.command") == command
-    bare = "new Promise((done) => { onhashchange = () => done(String(page.seed)); location.hash = 'agents.count=25' })"
-    assert browser.run(f"page.take_seed(7n), {bare}") == "0"  # the scenario's
+    odd = "agents.count=25&seed=-1&agents.speed_cm_s=3.33"
+    told = "[String(page.seed), page.swarm.count, find('banner').textContent]"
+    bare = f"new Promise((done) => {{ onhashchange = () => done({told}); location.hash = '{odd}' }})"
+    said = "Not taken from the link: seed=-1, agents.speed_cm_s=3.33"
+    assert browser.run(f"page.take_seed(7n), {bare}") == ["0", 25, said]  # the scenario's seed
     copied = "globalThis.copied = ''; page.copy = (text) => { copied = text }; find('link').click(); copied"
     browser.run("for (let each = 0; each < 300; each++) page.take_seed(page.seed + 1n)")  # more than an address takes
     assert "#seed=300&" in browser.run(copied)
@@ -575,6 +578,8 @@ def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(opene
     focus = "document.activeElement.id"
     assert browser.run(f"(async () => [{focus}, await run, {focus}])()") == ["stop", None, "hundred"]
     assert browser.run("find('histogram').parentElement.textContent").endswith("censored. With earlier settings.")
+    browser.run("for (const each of page.results) each.task.values = page.values")
+    assert {line.rpartition(",")[2] for line in browser.run("page.csv()").split()} == {"response.coupling", "0.5"}
 
 
 @needs_browser

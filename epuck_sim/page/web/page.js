@@ -77,7 +77,8 @@ class Page {
     this.is_touched = false;
     find("copied").textContent = "The command runs the same trial, with the same T_sync.";
     if (this.chosen >= this.swarm.count) this.chosen = -1;
-    this.say("");
+    const refused = this.refused.splice(0).join(", ");
+    this.say(refused && `Not taken from the link: ${refused}`);
     this.show_one();
     this.note_order();
     this.write_address();
@@ -349,10 +350,12 @@ class Page {
   read_address() {
     this.seed = BigInt(this.data.seed);
     this.values = { ...this.data.values };
+    this.refused = /** @type {string[]} */ ([]);
     for (const [key, text] of new URLSearchParams(location.hash.slice(1))) {
       const setting = this.settings.get(key), value = setting?.stops.find((/** @type {any} */ stop) => `${stop}` === text);
       if (key === "seed" && /^\d{1,40}$/.test(text)) this.seed = BigInt(text);
       else if (value !== undefined) this.values[key] = value;
+      else this.refused.push(`${key}=${text}`);
     }
     this.fit();
   }
@@ -587,10 +590,11 @@ class Page {
   }
 
   csv() {
-    const heads = ["speed_cm_s", "trial", "seed", "t_sync_cycles", "censored", "cycles", "order_parameter", "steps", "simulated_s"];
+    const moved = [...this.settings.values()].filter(({ key, value }) => key !== this.data.speed?.key && this.results.some(({ task }) => task.values[key] !== value)).map(({ key }) => key);
+    const heads = ["speed_cm_s", "trial", "seed", "t_sync_cycles", "censored", "cycles", "order_parameter", "steps", "simulated_s", ...moved];
     const rows = this.results.map(({ task, result }) => {
       const { seed, cycles, is_synchronised, order_parameter, steps, time_s } = result, t_sync = is_synchronised ? cycles : "";
-      return [task.values[this.data.speed?.key] ?? "", task.trial, seed, t_sync, is_synchronised ? 0 : 1, cycles, order_parameter ?? "", steps, time_s];
+      return [task.values[this.data.speed?.key] ?? "", task.trial, seed, t_sync, is_synchronised ? 0 : 1, cycles, order_parameter ?? "", steps, time_s, ...moved.map((key) => task.values[key] ?? "")];
     });
     return [heads, ...rows].map((row) => `${row.join(",")}\n`).join("");
   }
