@@ -41,7 +41,7 @@ def draw(trials: int) -> None:
     axes.fill_between(speed, mean - 1.96 * error, mean + 1.96 * error, color="0.85")
     axes.loglog(speed, mean, "o-", color="black", label=f"mean of {trials} trials, 95 % interval")
     axes.loglog(speed, few, "x", color="tab:red", label=f"mean of the first {FEW}")
-    axes.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]")
+    axes.set(xlabel="V (cm/s)", ylabel="T_sync (cycles)")
     axes.set_xticks(ticks := [0.1, 1, 10], labels=map(str, ticks))
     axes.set_yticks(ticks := [20, 30, 40, 60, 80, 100], labels=map(str, ticks))
     axes.minorticks_off()

@@ -78,7 +78,7 @@ def draw() -> None:
     axes.errorbar(speed, mean, 1.96 * error, fmt="s-", color="tab:red", capsize=2, label="by r >= 0.95, mean of 50")
     label = "ideal robots by r >= 0.95, mean of 1,000"
     axes.errorbar(ideal[0], ideal[2], 1.96 * ideal[3], fmt="-", color="tab:blue", label=label)
-    axes.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]", xlim=(0.4, 15))
+    axes.set(xlabel="V (cm/s)", ylabel="T_sync (cycles)", xlim=(0.4, 15))
     axes.set_xticks(ticks := [0.5, 1, 2, 5, 10], labels=map(str, ticks))
     axes.set_yticks(ticks := [5, 10, 20, 50, 100, 200], labels=map(str, ticks))
     axes.minorticks_off()

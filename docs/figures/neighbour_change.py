@@ -149,7 +149,7 @@ def draw(lines: list[Line]) -> None:
             axes.fill_between(x, low, high, color=look.colour, alpha=0.15, linewidth=0)
             axes.loglog(x, line.times.values, marker=look.marker, color=look.colour, markersize=3.5, linewidth=1)
         right.plot([], [], marker=look.marker, color=look.colour, markersize=3.5, linewidth=1, label=line.name)
-    left.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]")
+    left.set(xlabel="V (cm/s)", ylabel="T_sync (cycles)")
     right.set(xlabel="share of links that change in a cycle")
     figure.legend(loc="outside right upper", fontsize="small")
     figure.savefig(OUT.with_suffix(".png"), dpi=130)

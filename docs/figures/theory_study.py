@@ -258,7 +258,7 @@ def draw_two_nearest(folder: Path) -> None:
         axes.loglog(speeds, [each.t_sync.value for each in courses], "--", color=look.colour, linewidth=1)
     axes.axhline(3000, color=GREY, linewidth=0.8)
     axes.text(7, 3200, "trials are censored here", fontsize="small", color="#666666")
-    axes.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]", ylim=(8, 3e4))
+    axes.set(xlabel="V (cm/s)", ylabel="T_sync (cycles)", ylim=(8, 3e4))
     axes.legend(title="median of 10 trials;\ndashed: predicted", fontsize="small", title_fontsize="small")
     figure.savefig(OUT.with_name("two-nearest.png"), dpi=130)
 
@@ -284,7 +284,7 @@ def draw_blind() -> None:
     )
     for name, axes, marker, of, label in numbers:
         axes.loglog(*zip(*pairs_of(rows, name, of), strict=True), marker, markersize=3.5, alpha=0.6, label=label)
-    panels = (middle, (0.05, 100.0), 2.0, "V_p [cm/s]"), (right, (2.0, 2000.0), 1.2, "T_sync [cycles]")
+    panels = (middle, (0.05, 100.0), 2.0, "V_p (cm/s)"), (right, (2.0, 2000.0), 1.2, "T_sync (cycles)")
     for axes, ends, near, label in panels:
         for factor, style in ((1 / near, ":"), (1, "-"), (near, ":")):
             axes.plot(ends, [factor * end for end in ends], color=GREY, linewidth=0.8, linestyle=style)

@@ -149,7 +149,7 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     """Add a legend below the panels with each of their labels once, in as many columns as have room.
 
-    A label that is wider than the figure loses its middle, but if this makes labels equal, they are wrapped instead.
+    A label that is wider than the figure is wrapped, and ends after two lines, unless this makes labels equal.
     """
     handles: dict[str, Any] = {}
     for panel in panels:
@@ -163,22 +163,10 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
             return
         legend.remove()
     letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM / rcParams["font.size"]) - 4
-    labels = [_shorten(label, letters) for label in handles]
+    labels = [textwrap.fill(label, letters, max_lines=2, placeholder=" …") for label in handles]
     if len(set(labels)) < len(labels):
         labels = [textwrap.fill(label, letters) for label in handles]
     figure.legend(handles.values(), labels, loc="outside lower center")
-
-
-def _shorten(label: str, letters: int) -> str:
-    """Return a label without its middle, if it has more letters than this, and is no formula.
-
-    >>> _shorten("a_long_key = 3, another_key = 5", 20)
-    'a_long_ke … _key = 5'
-    """
-    if len(label) <= letters or "$" in label:
-        return label
-    end = (letters - 3) // 2
-    return f"{label[: letters - 3 - end].rstrip()} … {label[-end:].lstrip()}"
 
 
 def add_colour_bar(panels: Sequence[Axes], colours: ScalarMappable, **options: Any) -> Colorbar:

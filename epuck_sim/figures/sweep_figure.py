@@ -1,11 +1,12 @@
 """The figure of a sweep: which form it has, and which options go with it."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -19,7 +20,7 @@ from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.curves import has_series
 from epuck_sim.statistics.statistic import check_units
-from epuck_sim.util.messages import comma_list
+from epuck_sim.util.messages import comma_list, short_repr
 
 FORMS = {
     "curves": ("curves:Curves", ("x", "panels", "statistic", "scale", "points", "theory")),
@@ -66,7 +67,9 @@ def plot(
     form = read_form(results, options, of, names, where=where)
     if ax is None:
         return form.draw_figure()
-    given = [ax] if isinstance(ax, Axes) else list(ax)
+    given = [*np.ravel(np.array(ax, object))]
+    if not all(isinstance(each, Axes) for each in given):
+        raise EpuckSimError(f"ax is {short_repr(ax)}; allowed: Axes, or several")
     form.draw_on(given)
     figure = given[0].get_figure(root=True)
     assert figure is not None
@@ -85,14 +88,18 @@ def read_form(
 
     In messages the names of options begin with `prefix`.
     """
-    given_results = [results] if isinstance(results, Path | str) else list(results)
+    given_results = list(results) if isinstance(results, Iterable) and not isinstance(results, str) else [results]
     if not given_results:
         raise EpuckSimError("there is nothing to draw; give a run folder, or points of one")
     folders = [each for each in given_results if isinstance(each, Path | str)]
     points = [each for each in given_results if isinstance(each, PointTrials)]
     if len(given_results) not in (len(folders), len(points)):
         kinds = comma_list([*dict.fromkeys(type(each).__name__ for each in given_results)])
-        raise EpuckSimError(f"results are a list of {kinds}; allowed: run folders, or points of one folder")
+        raise EpuckSimError(f"results are of the type {kinds}; allowed: run folders, or points of one folder")
+    for each in folders:
+        if Path(each).suffix == ".rrd":
+            in_python = "in Python: epuck_sim.figures.trial_page.draw_page(read_recording(FILE))"
+            raise EpuckSimError(f"{each}: is a recording, which gets a figure of its own, {in_python}")
     if points and (names or where or of not in (None, points[0].of)):
         raise EpuckSimError("names, where and of are for run folders; for points, give read_points(folder, of=NAME)")
     where = [where] if isinstance(where, str) else where
