@@ -194,7 +194,5 @@ def allowed(value: Mapping[str, Any], code: str = "") -> str:
     if choices:
         return " or ".join(f"{code}{each}{code}" for each in choices)
     limits = [words.format(value[name]) for name, words in LIMITS.items() if name in value]
-    if "ge" in value and "gt" in value:  # a narrower limit stands in for that of its kind of number
-        limits.pop(1)
     items = f" of: {allowed(value['items'], code)}" if {"enum", "$ref"} & value.get("items", {}).keys() else ""
     return " ".join([TYPES.get(kind, kind) + items, *limits])

@@ -107,7 +107,7 @@ ScenarioArgument = Annotated[
     str,
     argument(
         "SCENARIO",
-        "A YAML file, a scenario's name (see `list`), or a run folder to continue.",
+        "A YAML file, a scenario's name (see `list`), or a run folder.",
         autocompletion=complete("epuck_sim.scenario.loader", "SCENARIO"),
         show_default=False,
     ),

@@ -83,7 +83,7 @@ def run(
 ) -> None:
     """Simulate SCENARIO until the swarm is synchronised: some trials, or a sweep.
 
-    Files of several trials are named FILE-0, FILE-1, ... A sweep needs --out FOLDER.
+    Files of several trials are named FILE-0, FILE-1, ... A sweep needs --out FOLDER; as SCENARIO, that folder goes on.
     """
     has_rows = trace is not None or record is not None or live
     is_watched = has_rows or film is not None
@@ -185,7 +185,6 @@ def replay(
 
         file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
         record_again(source, point, trial, file, interpret=interpret, trusted=trust)
-        typer.echo(file)
     end_s = last_moment_s(file)
     if screenshot is not None:
         reject_first(

@@ -5,7 +5,6 @@ import keyword
 import re
 import sys
 import webbrowser
-from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +16,7 @@ from epuck_sim.cli.errors import note_if_slow, prefix_scenario, reject_first
 from epuck_sim.cli.options import argument, option
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import TEMPLATES, builtin_folder
+from epuck_sim.util.messages import did_you_mean
 
 scenarios = typer.Typer()
 
@@ -138,15 +138,14 @@ NEW = {
 }
 """Kinds of files that `new` writes: their ending, how to try one, with NAME and FILE, and a name for one."""
 
-FileKind = StrEnum("FileKind", [*NEW])  # type: ignore[misc]  # mypy knows lists that are written out
-
 
 @scenarios.command("new", no_args_is_help=True)
 def write_new(
-    kind: Annotated[FileKind, argument("KIND", f"One of {', '.join(FileKind)}.")],
+    kind: Annotated[str, argument("KIND", f"One of {', '.join(NEW)}.", autocompletion=lambda: [*NEW])],
     name: Annotated[str, argument("NAME", "Its name, and that of its file.")],
 ) -> None:
     """Write a commented file to start from, which runs as it stands."""
+    reject_first((kind not in NEW, f"{did_you_mean(kind, NEW)}; allowed: {', '.join(NEW)}"))
     (ending, trial, example), one = NEW[kind], kind if kind == "claims" else f"a {kind}"
     if kind == "scenario":
         is_name, letters = re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name) is not None, "letters, digits, _ and -"

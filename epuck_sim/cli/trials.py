@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,6 +48,11 @@ class Watched(NamedTuple):
     speed: float = 1.0  # simulated seconds in a second, where trials are shown
     port: int | None = None  # port of a viewer for browsers; None for a window
 
+    @property
+    def files(self) -> list[Path]:
+        """Files that are written; see `trial_path` for their names if there are several trials."""
+        return [each for each in (self.trace, self.record, self.film) if each is not None]
+
 
 @contextmanager
 def open_observers(
@@ -55,9 +61,8 @@ def open_observers(
     """Yield functions that open the observers of each trial; a viewer stays open until the user closes it."""
     factories: list[ObserverFactory] = []
     memory, level = watched.memory, watched.level
-    for target in (watched.trace, watched.record, watched.film):
-        if target is not None:
-            check_trial_paths(target, trials)
+    for target in watched.files:
+        check_trial_paths(target, trials)
     if (trace := watched.trace) is not None:
         from epuck_sim.trial.trace import Trace  # which needs pyarrow
 
@@ -142,6 +147,8 @@ def run_trials(
         finally:
             if not as_json:
                 print_trials(results, scenario.stop.max_cycles)
+                for target, trial in product(watched.files, range(len(results))):
+                    typer.echo(bytes(trial_path(target, trial, len(seeds))))  # its name may be no text
     return results
 
 

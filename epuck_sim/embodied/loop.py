@@ -415,8 +415,8 @@ def check_command(name: str, values: npt.NDArray[Any], robots: IntArray) -> None
         )
     if values.shape not in ((), robots.shape):
         raise ValueError(
-            f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot whose {part} "
-            "is commanded from outside, or a single one for all"
+            f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot with {part} "
+            "commanded from outside, or a single one for all"
         )
     allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
     if part == "ring":

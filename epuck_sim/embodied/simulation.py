@@ -43,7 +43,7 @@ from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.user_files import Value
 from epuck_sim.util.machine import lack_of_memory
-from epuck_sim.util.messages import whole
+from epuck_sim.util.messages import numbered, whole
 
 
 class Change(NamedTuple):
@@ -387,9 +387,7 @@ class Simulation:
         self._note("set_parameters", group, **values)
 
     def _group(self, number: int) -> GroupControllers:
-        if number not in range(len(self._groups)):
-            raise ValueError(f"group is {number!r}; allowed: 0 to {len(self._groups) - 1}")
-        return self._groups[number]
+        return numbered("group", number, self._groups)
 
     def _set_parameters(self, group: int, values: Mapping[str, Value], origin: str) -> None:
         changed = self._group(group)
@@ -408,13 +406,14 @@ class Simulation:
     def carry_out_scheduled(self, entry: int) -> None:
         """Carry out an entry of the scenario's schedule, by its number, now: its changes act from the next step on.
 
-        Entries with a time are carried out by the simulation itself, others by `run_trial`.
+        Entries with a time are carried out by the simulation itself, others by `run_trial`. ValueError is raised if
+        there is no such entry.
         """
         self._carry_out(entry)
         self._note("carry_out_scheduled", entry)
 
     def _carry_out(self, number: int) -> None:
-        scenario, swarm, entry = self.scenario, self._swarm, self.scenario.schedule[number]
+        scenario, swarm, entry = self.scenario, self._swarm, numbered("entry", number, self.scenario.schedule)
         time_ms = self.steps * self._step_ms
         origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {self.seed}"
         phases = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE, number))

@@ -18,7 +18,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.render import ArenaView
 from epuck_sim.scenario.scenario import ScenarioLike
-from epuck_sim.util.messages import whole
+from epuck_sim.util.messages import short_repr, whole
 
 ROBOT_ENV = "epuck_sim/Robot-v0"  # name of the environment of one robot for `gymnasium.make`
 
@@ -95,6 +95,8 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         """
         if not self.agents:
             raise ValueError("no episode is under way: it is over, or has not begun; call reset()")
+        if not isinstance(actions, Mapping):
+            raise ValueError(f"actions are {short_repr(actions)}; allowed: a mapping of agents to actions")  # noqa: TRY004
         if actions.keys() != set(self.agents):
             odd = sorted(set(self.agents) ^ actions.keys(), key=str)
             raise ValueError(f"actions are needed for each of {len(self.agents)} agents; missing or unknown: {odd[:5]}")

@@ -23,13 +23,12 @@ from epuck_sim.particles.motion import begin_motion, start_at_present
 from epuck_sim.particles.oscillators import Moment, forget_earliest, last_firing_before
 from epuck_sim.particles.phase_response import curve_error
 from epuck_sim.particles.swarm import HEAR, SCHEDULE_SEED, Arrays, array_in, keep_state, scene_of, state_of
-from epuck_sim.scenario.base import check_range
 from epuck_sim.scenario.changes import AgentDisplacement, TrialEvent, timed_entries
 from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.util.generators import seed_words
-from epuck_sim.util.messages import whole
+from epuck_sim.util.messages import numbered, whole
 from epuck_sim.util.native import address_of
 
 NEVER: Moment = (math.inf, 0.0)  # later than any moment of a trial
@@ -292,9 +291,10 @@ class ParticleSimulation:
     def carry_out_scheduled(self, entry: int) -> None:
         """Carry out the entry with this number of the scenario's schedule at the present time.
 
-        Entries with a time are carried out by the simulation itself, others by `run_trial`.
+        Entries with a time are carried out by the simulation itself, others by `run_trial`. ValueError is raised if
+        there is no such entry.
         """
-        section, source = self.scenario.schedule[entry], f"schedule.{entry}"
+        section, source = numbered("entry", entry, self.scenario.schedule), f"schedule.{entry}"
         if section.set:
             self._change(self._present.with_set(section.set, f"{self.scenario.name}: {source}.set"))
         if section.displace is not None:
@@ -341,7 +341,7 @@ class ParticleSimulation:
         Raises:
             ValueError: There is no such agent, agents have fired already, or `cycles` is negative or NaN.
         """
-        check_range("agent", whole("agent", agent, 0), 0, self.scenario.agents.count - 1)
+        numbered("agent", agent, range(self.scenario.agents.count))
         if self.instants or not cycles >= 0:
             raise ValueError(f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more before the first")
         swarm = self._arrays

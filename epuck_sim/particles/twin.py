@@ -7,7 +7,9 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.scenario import ScenarioLike
 
 
 class TwinComparison(NamedTuple):
@@ -41,16 +43,18 @@ def make_endless(scenario: ParticleScenario, seed: int) -> ParticleSimulation:
     return ParticleSimulation(scenario.model_copy(update={"stop": stop, "measures": ()}), seed)
 
 
-def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray | list[float]) -> TwinComparison:
+def simulate_with_twin(scenario: ScenarioLike, seed: int, time_s: FloatArray | list[float]) -> TwinComparison:
     """Simulate a trial and its undisturbed twin of the same seed, and compare them at times, (times,) s, ascending.
 
+    The scenario has `model: particles`, or is what `load_scenario` takes.
     Agents of both start at the same positions and move alike, unless motion is coupled to pulses (D.1). Both trials
     continue when they are synchronised; see `make_twin`.
 
     Raises:
-        ScenarioError: Entries of the schedule wait for a firing or a condition.
+        ScenarioError: The scenario is of another model, or entries of the schedule wait for a firing or a condition.
         ValueError: The times are not ascending.
     """
+    scenario = load_of_model(scenario, ParticleScenario, "a twin needs model: particles")
     simulations = (make_endless(scenario, seed), make_twin(scenario, seed))
     times = np.asarray(time_s, np.float64)
     phases = np.empty((2, len(times), scenario.agents.count))

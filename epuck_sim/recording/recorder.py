@@ -27,7 +27,7 @@ from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_of_model, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import Scenario, ScenarioLike
+from epuck_sim.scenario.scenario import Scenario, ScenarioLike, seed_of_trial
 from epuck_sim.trial.result import TrialState
 from epuck_sim.util.provenance import versions
 
@@ -45,7 +45,7 @@ MARGIN_CM, MARGIN_SHARE = 2.0, 1 / 30
 def record(
     path: Path | str,
     scenario: ScenarioLike,
-    seed: int,
+    seed: int | None,
     level: Level | str = Level.FULL,
     *,
     memory: Sequence[str] = (),
@@ -56,7 +56,7 @@ def record(
         path: The file, whose name must end in `.rrd`. It gets its name when the block ends; if the block ends with an
             error, an older file stays, and nothing else is left.
         scenario: The trial's scenario, or what `load_scenario` takes.
-        seed: The trial's seed.
+        seed: The trial's seed; None for the scenario's own.
         level: How much is recorded: summary, poses or full.
         memory: Fields of the controllers' MEMORY to record, whatever the level.
 
@@ -67,6 +67,7 @@ def record(
     if level not in list(Level):
         raise RecordingError(f"level is {level!r}; allowed: {', '.join(Level)}")
     level, scenario = Level(level), load_of_model(scenario, Scenario)  # with every default written out
+    seed = seed_of_trial(scenario, seed)
     memory = series.recorded_fields(scenario, level, memory)
     layout = layout_file(arrangement_of(scenario, level, memory))
     described = "\n".join([write_scenario(scenario), str(seed), level, json.dumps(versions()), *memory])
@@ -90,7 +91,7 @@ class Recorder:
         memory: Sequence[str] = (),
     ) -> None:
         """Write the static chunks; the simulation need not exist yet. At most `buffer_s` of it are buffered."""
-        self._level, self._send, self.trial_seed = level, write, seed
+        self._level, self._send, self.trial_seed, self.trial_scenario = level, write, seed, scenario
         self._population = population = population_of(scenario)
         self._threshold = scenario.stop.order_parameter
         self._state: TrialState | None = None
@@ -113,7 +114,9 @@ class Recorder:
         )
 
     def __call__(self, event: Any, state: TrialState) -> None:
-        """Record an event of the trial."""
+        """Record an event of the trial; raise RecordingError for one of another trial than the first."""
+        if self._state not in (None, state):
+            raise RecordingError("a recorder is for one trial; record each trial into a file of its own")
         self._state = state
         self._buffer.append(event, state)
         if self._buffer.row_count >= self._capacity:

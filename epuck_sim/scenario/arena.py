@@ -11,7 +11,7 @@ from pydantic import Field
 from epuck_sim.arena import Arena, Floor, clearance_cm, make_arena, make_floor
 from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.geometry import box_corners, is_convex
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, refused_at
+from epuck_sim.scenario.base import ConfigModel, Length, Number, Positive, refused_at
 from epuck_sim.util.messages import short_yaml
 
 LONGEST_SIDE = 4000  # most rows, and most columns, of a picture of the floor
@@ -27,7 +27,7 @@ class Circle(ConfigModel):
     """x of the centre, from the left wall."""
     y_cm: Number
     """y of the centre, from the lower wall."""
-    radius_cm: Positive
+    radius_cm: Length
     """Radius."""
 
 
@@ -39,9 +39,9 @@ class Box(ConfigModel):
     """x of the centre, from the left wall."""
     y_cm: Number
     """y of the centre, from the lower wall."""
-    width_cm: Positive
+    width_cm: Length
     """Length along the heading."""
-    height_cm: Positive
+    height_cm: Length
     """Length across the heading."""
     heading_rad: Number = 0.0
     """Angle by which the box is turned, counter-clockwise from x."""
@@ -118,7 +118,7 @@ class Lamp(ConfigModel):
     """x, from the left wall."""
     y_cm: Number
     """y, from the lower wall."""
-    height_cm: Positive = 30.0
+    height_cm: Length = 30.0
     """Height above the floor."""
     strength: Positive = 1.0
     """Light on the floor right below."""
@@ -129,9 +129,9 @@ class ArenaSection(ConfigModel):
 
     later_keys: ClassVar[tuple[str, ...]] = ("movables", "floor", "lamps")
 
-    width_cm: Positive = 60.0
+    width_cm: Length = 60.0
     """Length of the floor along x, from the robots' diameter; L of thesis 4.2.1, where the arena is square."""
-    height_cm: Positive = 60.0
+    height_cm: Length = 60.0
     """Length of the floor along y, from the robots' diameter."""
     obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
     movables: tuple[Movable, ...] = ()

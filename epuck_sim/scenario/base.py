@@ -28,6 +28,7 @@ WholeNumber = Annotated[int, BeforeValidator(_reject_bool)]
 LARGEST = 1e6  # largest number that keys without a limit of their own may have
 
 Positive = Annotated[Number, Field(gt=0, le=LARGEST)]
+Length = Annotated[Number, Field(ge=1e-6, le=LARGEST)]  # in cm; the square of a much shorter one would be 0
 
 
 def check_range(key: str, value: float | None, least: float, most: float, why: str = "") -> None:
@@ -172,7 +173,18 @@ def whole_key_of(ending: str, keys: Sequence[str]) -> str:
     return f"{ending} is the ending of a key; give the whole key, {' or '.join(keys)}"
 
 
-def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
+def kinds_with(name: str, field: str, classes: Sequence[type[ConfigModel]]) -> Iterator[str]:
+    """Yield a phrase for a field, and for each inside it, that has a key with some values of its tag, not with all."""
+    have = [each for each in classes if name in each.model_fields]
+    if 0 < len(have) < len(classes):
+        values = [value for each in have for value in tagged(each)[1]]
+        yield f"{field} has it with {tagged(have[0])[0]}: {' or '.join(values)}"
+    for each in classes:
+        for inner, about in each.model_fields.items():
+            yield from kinds_with(name, inner, section_classes(about.annotation))
+
+
+def guess(name: str, known: Sequence[str], keys: Sequence[str], kinds: Sequence[str] = ()) -> str:
     """Return the phrase for an unknown key, with the known one that was probably meant.
 
     >>> guess("speed", ["seed"], ["seed", "agents.speed_cm_s"])
@@ -185,6 +197,8 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
     same = [key for key in keys if ends_in(key, name)]
     if same:
         return f"unknown {name!r} here; the full key is {' or '.join(same)}"
+    if kinds:
+        return f"unknown {name!r} here; {', '.join(dict.fromkeys(kinds))}"
     endings = {key.rpartition(".")[2]: key for key in reversed(keys)}
     longer = min((each for each in endings if each.startswith(f"{name}_")), key=len, default=None)
     near = longer or nearest_name(name, [*known, *endings])
@@ -221,7 +235,9 @@ def problems_in(
             known = list(around[0].model_fields) if around else []
             inside = [each for each in keys if each.startswith("".join(f"{part}." for part in path[:-1]))]
             other = f"; for another {tag}, give the whole section" if tag else ""
-            said = f"{guess(path[-1], known, inside)}; allowed: {comma_list(known)}{other}"
+            field = next((part for part in path[-2::-1] if not part.isdecimal()), "")
+            kinds = [*kinds_with(path[-1], field, classes if tag else around)]
+            said = f"{guess(path[-1], known, inside, kinds)}; allowed: {comma_list(known)}{other}"
         elif wrong == "value_error" and isinstance(given, dict):  # of a whole section: what is said names the key
             said = allowed
         yield key or said.split()[0], f"{key}: {said}" if key else said

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, Field
 
-from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range
+from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, Positive, WholeNumber, check_range
 from epuck_sim.scenario.scenario import Condition
 
 FAULTS = {
@@ -127,9 +127,9 @@ class CameraMisses(FaultSection):
     kind: Literal["camera_misses"]
     missed: Annotated[Number, Field(gt=0, le=1)]
     """Probability with which a flash is missed, drawn for each flash, sender and receiver."""
-    nearer_than_cm: Positive | None = None
+    nearer_than_cm: Length | None = None
     """Only flashes from nearer than this, centre to centre, or farther than `farther_than_cm` if given, are missed."""
-    farther_than_cm: Positive | None = None
+    farther_than_cm: Length | None = None
     """Only flashes from farther than this, or nearer than `nearer_than_cm` if given, are missed."""
 
 

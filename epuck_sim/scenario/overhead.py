@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range
+from epuck_sim.scenario.base import ConfigModel, Length, Number, WholeNumber, check_range
 
 PictureSide = Annotated[WholeNumber, Field(ge=64, le=7680, multiple_of=2)]
 """Side of a picture in pixels; even, as H.264 requires."""
@@ -19,7 +19,7 @@ TagDictionary = Literal[
 class OverheadSection(ConfigModel):
     """A webcam that looks straight down at the middle of the arena, and the light in the room."""
 
-    height_cm: Positive | None = None
+    height_cm: Length | None = None
     """Height of the lens above the floor; by default 110/60 of the arena's longer side (thesis 4.3.1)."""
     field_of_view_deg: Annotated[Number, Field(gt=0, le=120)] | None = None
     """Field of view across the picture's width; by default the arena and its walls just fit into the picture."""

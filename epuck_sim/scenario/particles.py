@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field
 
 from epuck_sim.control.names import check_draws
 from epuck_sim.errors import CurveError, EpuckSimError, ScenarioError
-from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
+from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import (
     NOT_OF_AGENTS,
     AgentScheduleEntry,
@@ -239,7 +239,7 @@ class Range(ConfigModel):
     """All agents within a radius around the one that fires."""
 
     kind: Literal["range"]
-    radius_cm: Positive
+    radius_cm: Length
     """Radius R."""
 
 
@@ -248,7 +248,7 @@ class Cone(ConfigModel):
 
     kind: Literal["cone_of_vision", "cone_of_emission"]
     """`cone_of_vision`: around the agent that receives; `cone_of_emission`: around the one that fires."""
-    radius_cm: Positive | None = None
+    radius_cm: Length | None = None
     """Reach of the cone; unlimited by default."""
     angle_deg: Annotated[Number, Field(gt=0, le=360)]
     """Full opening angle."""
@@ -335,7 +335,7 @@ class SpaceSection(ConfigModel):
 
     dimensions: Annotated[WholeNumber, Field(ge=1, le=3)] = 2
     """1: a segment; 2: a square; 3: a cube."""
-    side_cm: Positive = 100.0
+    side_cm: Length = 100.0
     """Side L of the space."""
     boundary: Literal["bounded", "cyclic", "mirrored"] = "bounded"
     """`bounded`: agents leave a wall in a random direction; `mirrored`: as light leaves a mirror; `cyclic`: agents

@@ -20,7 +20,7 @@ from epuck_sim import epuck
 from epuck_sim.control.interface import SENSORS, Sensor, Wheels
 from epuck_sim.control.loader import find_sensor
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, check_range, problems_in, refused_at
+from epuck_sim.scenario.base import ConfigModel, Length, Number, Positive, check_range, problems_in, refused_at
 from epuck_sim.scenario.yaml_io import line_of_key, read_yaml
 from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
@@ -225,7 +225,7 @@ class ProximitySection(ConfigModel):
     """`x_cm, y_cm, direction_deg` of each: x ahead and y left of the axle's centre, directions counter-clockwise."""
     spread_deg: Annotated[Number, Field(gt=0, le=80)] = epuck.INFRARED_SPREAD_DEG
     """Angle between a sensor's centre ray and each of its two side rays."""
-    range_cm: Annotated[Positive, Field(le=100)] = epuck.INFRARED_RANGE_CM
+    range_cm: Annotated[Length, Field(le=100)] = epuck.INFRARED_RANGE_CM
     """Range of a ray."""
     peak_counts: Positive = epuck.INFRARED_PEAK_COUNTS
     """Largest reading: m of the response m (c - x0^2) / (x^2 - 2 x0 x + c) to a surface at a distance of x cm."""
@@ -255,17 +255,17 @@ class RobotKind(ConfigModel):
     """A shipped robot, an installed package's, or a file (.yaml), whose values the other keys have by default."""
     radius_cm: Annotated[Number, Field(ge=0.5, le=50)] = epuck.RADIUS_CM
     """Radius of the body, a disc around the axle's centre."""
-    height_cm: Positive = epuck.HEIGHT_CM
+    height_cm: Length = epuck.HEIGHT_CM
     """Height of the body; only films depend on it."""
     mass_g: Positive = epuck.MASS_G
     """Mass; among robots of one mass it matters only where there are `arena.movables`."""
-    wheel_base_cm: Positive = epuck.WHEEL_BASE_CM
+    wheel_base_cm: Length = epuck.WHEEL_BASE_CM
     """Distance between the wheels."""
     wheel_limit_cm_s: Positive = epuck.WHEEL_LIMIT_CM_S
     """Largest speed of a wheel, forwards or backwards; commands are limited to it."""
-    ring_radius_cm: Positive = epuck.RING_RADIUS_CM
+    ring_radius_cm: Length = epuck.RING_RADIUS_CM
     """Radius of the ring of LEDs; only films depend on it."""
-    ring_height_cm: Positive = epuck.RING_HEIGHT_CM
+    ring_height_cm: Length = epuck.RING_HEIGHT_CM
     """Height of the ring above the floor; only films depend on it."""
     infrared: ProximitySection | None = ProximitySection.model_construct()
     camera: CameraMount | None = CameraMount.model_construct()

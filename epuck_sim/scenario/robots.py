@@ -17,7 +17,7 @@ from epuck_sim.control.names import check_sensed
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.arena import ArenaSection
-from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
+from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, resolve_sensor, sensors_by_name
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
@@ -32,7 +32,7 @@ class CameraSignal(ConfigModel):
 class SectorSection(ConfigModel):
     """A circular sector (thesis 3.1.2); a disc by default."""
 
-    range_cm: Positive | None = None
+    range_cm: Length | None = None
     """Radius; unlimited by default."""
     angle_deg: Annotated[Number, Field(gt=0, le=360)] = 360.0
     """Full opening angle, half of it to either side of straight ahead."""
@@ -92,7 +92,7 @@ class CameraSection(ConfigModel):
     """Angle that the row covers, half of it to either side of straight ahead."""
     central_pixels: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Number of pixels in the middle of the row that are used (thesis 4.2.1); all by default."""
-    range_cm: Positive | None = None
+    range_cm: Length | None = None
     """Distance beyond which nothing is seen; unlimited by default."""
     reflection_range_cm: Annotated[Number, Field(ge=0, le=LARGEST)] = 0.0
     """Longest way, by a wall to a ring, on which the ring's reflection in the wall is seen (thesis 4.4); 0 for none."""

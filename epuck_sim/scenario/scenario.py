@@ -175,7 +175,7 @@ class Scenario(ConfigModel):
     trials: Annotated[WholeNumber, Field(ge=1, le=10_000_000)] = 1
     """Number of trials; in a sweep, at each of its points."""
     trial_timeout_s: Annotated[Number, Field(gt=0)] | None = None
-    """Wall time after which a trial of a sweep has failed; None for no limit."""
+    """Wall time after which a trial of a sweep has failed; null for no limit."""
     seed: Annotated[WholeNumber, Field(ge=0)] = 0
     """The master seed, from which each trial gets its own."""
     measures: tuple[MeasureSection, ...] = ()
@@ -223,6 +223,11 @@ class Scenario(ConfigModel):
     def controllers(self) -> tuple[str, ...]:
         """Controller of each group; empty for a model without controllers."""
         return ()
+
+    @property
+    def trial_keys(self) -> dict[str, Any]:
+        """All keys on which trials depend, but their seeds, with their values."""
+        return self.model_dump(mode="json", exclude=WITHOUT_EFFECT | {"seed"})
 
     @property
     def compiled(self) -> tuple[str, ...]:

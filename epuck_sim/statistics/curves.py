@@ -205,7 +205,10 @@ def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
 
     The mean's interval is Student's, of the logarithm where all values are positive; the median's has order statistics
     as its ends. There is none with fewer than `MIN_TRIALS` values, or where all are equal. Undetermined values are NaN.
+    ValueError is raised without any series.
     """
+    if not len(series):
+        raise ValueError("series has none; allowed: one or more")
     lengths = np.array([len(each) for each in series], np.int64)
     cycles = np.arange(1, lengths.max(initial=0) + 1)
     values = np.full((len(series), len(cycles)), np.nan)

@@ -17,7 +17,7 @@ from epuck_sim.runs.reader import PointTrials, SweepTrials
 from epuck_sim.scenario.axes import SPEED, choose_axis
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import axis_key
-from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import check_speed_alone, group_by_other_axes, sweep_curves
 from epuck_sim.statistics.extrema import (
@@ -237,7 +237,7 @@ def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> li
 
 
 def _other_settings(scenario: Scenario) -> str:
-    rest = scenario.model_dump(mode="json", exclude=WITHOUT_EFFECT | {"seed"})
+    rest = scenario.trial_keys
     for key in scenario.scale_keys:
         *path, name = key.split(".")
         section: Any = rest

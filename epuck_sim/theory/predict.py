@@ -11,9 +11,9 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import Point, points
+from epuck_sim.scenario.loader import Point, load_of_model, points
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents, StartSection
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import Scenario, ScenarioLike
 from epuck_sim.theory.chains import Limit, Pair, Rise, Verdict, find_limit, find_rise, judge, measure_pair, time_at
 from epuck_sim.theory.snapshots import GraphMeasures, changed_links, count_components, measure_graphs, take_snapshots
 from epuck_sim.util.messages import comma_list
@@ -91,12 +91,16 @@ class Prediction(NamedTuple):
         return Table(self.scenario, made, (self.reason, BRACKETS, *self.notes))
 
 
-def predict(scenario: Scenario) -> Prediction:
-    """Return the prediction for a scenario without a sweep; raise ScenarioError where there cannot be one."""
-    return predictor(scenario)(_speed_of(scenario))
+def predict(scenario: ScenarioLike) -> Prediction:
+    """Return the prediction for a scenario without a sweep, or what `load_scenario` takes.
+
+    ScenarioError is raised where there cannot be one.
+    """
+    loaded = load_of_model(scenario, Scenario)
+    return predictor(loaded)(_speed_of(loaded))
 
 
-def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
+def predict_points(scenario: ScenarioLike) -> list[tuple[Point, Prediction]]:
     """Return `predict` for each point of a scenario's sweep; points that differ only in speed share their chains."""
     kept: dict[str, Callable[[float], Prediction]] = {}
     found = []
@@ -243,7 +247,7 @@ def _speed_of(scenario: Scenario) -> float:
 
 def without_speed(scenario: Scenario) -> dict[str, Any]:
     """Return the keys on which a prediction depends, without the speed."""
-    dump = scenario.model_dump(mode="json", exclude={"name", "description", "seed"})
+    dump = scenario.trial_keys
     section: Any = dump["agents"] if isinstance(scenario, ParticleScenario) else dump["robots"][0]["parameters"]
     section.pop("speed_cm_s", None)
     return dump

@@ -171,7 +171,7 @@ def run_trial(
     Raises:
         TypeError: `simulation` is not a simulation.
         ValueError: The simulation has already run, so that its earlier cycles would not count; or an observer has a
-            `trial_seed` that is not the trial's seed.
+            `trial_seed`, or a `trial_scenario`, that is not the trial's.
         MeasureError: One of the scenario's measures raises an error, or returns something that is no value.
 
     >>> from epuck_sim import Simulation
@@ -181,9 +181,12 @@ def run_trial(
     if not isinstance(getattr(simulation, "scenario", None), Scenario):
         raise TypeError(f"a trial needs a simulation, such as Simulation('thesis', seed=1), not {simulation!r}")
     observers = tuple(observers)
-    for kept in (getattr(each, "trial_seed", simulation.seed) for each in observers):
-        if kept != simulation.seed:
+    for each in observers:
+        if (kept := getattr(each, "trial_seed", simulation.seed)) != simulation.seed:
             raise ValueError(f"an observer is for seed {kept}, but the trial has seed {simulation.seed}")
+        meant, own, start = getattr(each, "trial_scenario", simulation.scenario), simulation.scenario, {"start": None}
+        if meant.trial_keys | start != own.trial_keys | start:  # agents that start like robots are given their poses
+            raise ValueError(f"an observer is for {meant}; the trial is of {own}, or has other values")
     measuring = Measuring(simulation)
     run = MODELS[simulation.scenario.model].run
     result = run(simulation, (*observers, *measuring.at_events), progress, measuring)

@@ -60,7 +60,7 @@ class Trace:
         path = Path(path)
         scenario = load_of_model(scenario, EmbodiedScenario, "traces need model: embodied")
         check_target(path)
-        self._path, self.trial_seed = path.resolve(), seed
+        self._path, self.trial_seed, self.trial_scenario = path.resolve(), seed, scenario
         self._robots = scenario.robot_count
         check_fields(scenario, memory)
         self._fields = {name: name for name in reading_fields(scenario)} | {f"memory.{name}": name for name in memory}

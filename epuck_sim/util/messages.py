@@ -3,8 +3,9 @@
 import difflib
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from numbers import Integral
+from typing import Any
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -62,6 +63,13 @@ def whole(name: str, value: object, least: int = 1) -> int:
     if not isinstance(value, (int, Integral)) or value < least:  # a plain int is found at once
         raise ValueError(f"{name} is {value!r}; allowed: whole numbers from {least}")
     return int(value)
+
+
+def numbered(name: str, number: object, several: Sequence[Any]) -> Any:
+    """Return the one of several with this number, from 0; raise ValueError if there is none."""
+    if not isinstance(number, (int, Integral)) or not 0 <= number < len(several):
+        raise ValueError(f"{name} is {number!r}; allowed: {f'0 to {len(several) - 1}' if several else 'none'}")
+    return several[int(number)]
 
 
 def short_repr(value: object) -> str:

@@ -68,6 +68,8 @@ def test_several_trials_are_the_same_filmed_recorded_and_traced_into_files_of_th
         traced = np.column_stack([table["x_cm"], table["y_cm"]]).astype(np.float32)
         np.testing.assert_array_equal(recorded.positions.reshape(-1, 2), traced)
         assert len(recorded.time_s) == row["steps"]
+    said = called("run", "pair", "--trials", "2", "--record", "n.rrd", *POSES, "--set", "stop.max_cycles=2")
+    assert said.endswith("n-0.rrd\nn-1.rrd\n")
 
 
 def test_a_recording_is_filmed_as_the_trial_was_and_settings_change_the_camera_and_nothing_else(three, here) -> None:

@@ -315,6 +315,7 @@ def test_changed_parameters_act_from_the_next_step_on_reset_takes_them_back_and_
         (0, {"period_s": 0.1}, ScenarioError, "longer than a control step"),
         (2, {"speed_cm_s": 1.0}, ValueError, "group is 2; allowed: 0 to 1"),
         ("firefly", {"speed_cm_s": 1.0}, ValueError, "group is 'firefly'; allowed: 0 to 1"),
+        (1.0, {"speed_cm_s": 1.0}, ValueError, "group is 1.0; allowed: 0 to 1"),
     ):
         with pytest.raises(kind, match=message):
             simulation.set_parameters(group, **values)
@@ -408,7 +409,7 @@ def test_faults_and_absence_come_after_commands_and_a_file_says_what_is_external
 
 def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded():
     for controller, given, message in (
-        ("external", {"left_cm_s": np.zeros(3)}, r"left_cm_s has the shape \(3,\); allowed: \(2,\)"),
+        ("external", {"left_cm_s": np.zeros(3)}, r"left_cm_s has the shape \(3,\); allowed: \(2,\).* with wheels c"),
         ("external", {"left_cm_s": [1.0, np.nan]}, "left_cm_s is nan for robot 9; allowed: numbers"),
         ("external", {"left_cm_s": ["fast", "slow"]}, "left_cm_s is fast for robot 8; allowed: numbers"),
         ("external", {"right_cm_s": 1.0, "ring_on": [True, 2]}, "ring_on is 2 for robot 9; allowed: true and false"),

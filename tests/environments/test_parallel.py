@@ -133,6 +133,8 @@ def test_episodes_end_as_gymnasium_means_it_and_then_only_reset_is_allowed():
         with pytest.raises(ValueError, match="call reset"):
             env.step({})
         env.reset()
+        with pytest.raises(ValueError, match="allowed: a mapping of agents to actions"):
+            env.step(np.zeros((3, 3)))
         still = {agent: np.zeros(3) for agent in env.agents}
         for number in range(6):
             _, _, terminated, truncated, _ = env.step(still)

@@ -172,7 +172,7 @@ def displaced(by):
 
 
 def compare(seed=0, times=MIDDLES, **sections):
-    return simulate_with_twin(load_scenario(scenario(**sections)), seed, times)
+    return simulate_with_twin(scenario(**sections), seed, times)
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))

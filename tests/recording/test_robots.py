@@ -14,7 +14,7 @@ import pytest
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
-from epuck_sim import RecordingError, Scenario, Simulation, TrialResult, load_scenario, record, run_trial
+from epuck_sim import RecordingError, Scenario, ScenarioError, Simulation, TrialResult, load_scenario, record, run_trial
 from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.step import Step, memory_values
 from epuck_sim.recording import Level, layers, recorder
@@ -242,6 +242,26 @@ def test_in_a_picture_of_a_minute_time_runs_down_and_robots_with_room_are_beside
         assert rows.any()
         assert not columns[len(rows) :, :, :12].any()
         assert (columns[:, :, 12:] == 2).all()
+
+
+@pytest.mark.parametrize(
+    ("second", "error", "said"),
+    [
+        ("pair", RecordingError, "a recorder is for one trial"),
+        ("thesis", ValueError, r"an observer is for Emb.*\(name='pair'.*the trial is of .*name='thesis'"),
+        ({"robots": [{"count": 2}]}, ValueError, "or has other values"),
+    ],
+)
+def test_a_recorder_is_for_its_own_trial_alone(tmp_path, second, error, said) -> None:
+    named = load_scenario("pair", ["stop.max_cycles=3", "name=another"])
+    path, short = tmp_path / "t.rrd", load_scenario("pair", ["stop.max_cycles=3"])
+    with record(path, short, 1, Level.SUMMARY) as observer:
+        run_trial(Simulation(named, 1), [observer])
+        with pytest.raises(error, match=said):
+            run_trial(Simulation(short if second == "pair" else second, 1), [observer])
+    assert len(read_recording(path).firing_s) == 3
+    with pytest.raises(ScenarioError, match=r"^pair: seed is -1; allowed"), record(path, "pair", -1):
+        pass
 
 
 def static_of(folder: Path, scenario: EmbodiedScenario) -> dict[str, dict[str, Any]]:

@@ -170,6 +170,11 @@ def test_the_order_of_the_trials_makes_no_difference_to_the_bit(series, random):
     assert [each.tobytes() for each in one[:5]] == [each.tobytes() for each in other[:5]]
 
 
+def test_no_series_are_refused_in_words():
+    with pytest.raises(ValueError, match="series has none; allowed: one or more"):
+        series_statistics([])
+
+
 def test_ranks_of_medians_are_sought_once_for_each_number_of_values(monkeypatch):
     sought, ranks = [], curves._median_ranks
     monkeypatch.setattr(curves, "_median_ranks", lambda count: sought.append(count) or ranks(count))

@@ -206,7 +206,7 @@ def test_what_is_left_out_is_said() -> None:
     assert "misses the regime that trials of thesis have" in notes
     alone = predict(load_scenario({**given, "neighbourhood": {"kind": "range", "radius_cm": 0.01}}))
     assert "renewed links do not join them either" in alone.reason
-    assert "poses are as given" in " ".join(predict(load_scenario("pair")).notes)
+    assert "poses are as given" in " ".join(predict("pair").notes)
 
 
 def test_points_that_differ_in_speed_alone_share_what_does_not_depend_on_it() -> None:

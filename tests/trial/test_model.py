@@ -43,6 +43,14 @@ def test_robots_are_interpreted_if_wanted_and_what_is_no_simulation_is_refused()
 
 
 @pytest.mark.parametrize("name", ["pair", "particles"])
+@pytest.mark.parametrize("entry", [-1, 1, 0.0])
+def test_an_entry_that_a_schedule_does_not_have_is_refused(name: str, entry: float) -> None:
+    simulation = simulate(load_scenario(name, ["schedule=[{at_s: 1, displace: {by_cycles: 0.1}}]"]), 1)
+    with pytest.raises(ValueError, match=rf"entry is {entry}; allowed: 0 to 0"):
+        simulation.carry_out_scheduled(entry)
+
+
+@pytest.mark.parametrize("name", ["pair", "particles"])
 def test_what_is_compiled_within_a_trial_is_not_of_its_time(name: str) -> None:
     spent_s: list[float] = []
 
