@@ -387,7 +387,8 @@ class Simulation:
         self._note("set_parameters", group, **values)
 
     def _group(self, number: int) -> GroupControllers:
-        return numbered("group", number, self._groups)
+        numbered("group", number, self._groups)
+        return self._groups[number]
 
     def _set_parameters(self, group: int, values: Mapping[str, Value], origin: str) -> None:
         changed = self._group(group)
@@ -406,8 +407,7 @@ class Simulation:
     def carry_out_scheduled(self, entry: int) -> None:
         """Carry out an entry of the scenario's schedule, by its number, now: its changes act from the next step on.
 
-        Entries with a time are carried out by the simulation itself, others by `run_trial`. ValueError is raised if
-        there is no such entry.
+        Those with a time the simulation itself carries out, others `run_trial`. ValueError: there is no such entry.
         """
         self._carry_out(entry)
         self._note("carry_out_scheduled", entry)

@@ -67,7 +67,7 @@ def plot(
     form = read_form(results, options, of, names, where=where)
     if ax is None:
         return form.draw_figure()
-    given = [*np.ravel(np.array(ax, object))]
+    given: list[Axes] = [*np.ravel(np.array(ax, object))]
     if not all(isinstance(each, Axes) for each in given):
         raise EpuckSimError(f"ax is {short_repr(ax)}; allowed: Axes, or several")
     form.draw_on(given)

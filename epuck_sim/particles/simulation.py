@@ -291,8 +291,7 @@ class ParticleSimulation:
     def carry_out_scheduled(self, entry: int) -> None:
         """Carry out the entry with this number of the scenario's schedule at the present time.
 
-        Entries with a time are carried out by the simulation itself, others by `run_trial`. ValueError is raised if
-        there is no such entry.
+        Those with a time the simulation itself carries out, others `run_trial`. ValueError: there is no such entry.
         """
         section, source = numbered("entry", entry, self.scenario.schedule), f"schedule.{entry}"
         if section.set:

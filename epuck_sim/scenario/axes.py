@@ -120,7 +120,7 @@ def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin:
 
 
 def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels") -> None:
-    """Raise EpuckSimError if `panels` is not an axis beside `x`; `origin` is its name in messages."""
+    """Raise EpuckSimError if `panels` is given, and no axis beside `x`; `origin` is its name in messages."""
     others = other_axes(rows, x)
     if panels is not None and panels not in others:
         raise EpuckSimError(f"{origin}: {unknown_axis(panels, others)}; other axes: {comma_list(others)}")
@@ -134,10 +134,8 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
     if figure.y is not None:
         choose_second_axis(rows, x, figure.y, "figure.y")
     check_panels(rows, x, figure.panels, "figure.panels")
-    others = other_axes(rows, x)
     for key, value in figure.base_case.items():
-        if key not in others:
-            raise EpuckSimError(f"figure.base_case: {unknown_axis(key, others)}; other axes: {comma_list(others)}")
+        check_panels(rows, x, key, "figure.base_case")
         if all(row[key] != value for row in rows):
             values = comma_list([short_yaml(each) for each in {repr(row[key]): row[key] for row in rows}.values()])
             raise EpuckSimError(f"figure.base_case: {key} is {short_yaml(value)}; allowed: {values}")

@@ -161,12 +161,8 @@ def statistic_name(statistic: Statistic, is_censored: bool, *, is_share: bool = 
     mean = "restricted mean" if is_censored else "mean"
     names = {Statistic.MEAN: mean, Statistic.MEDIAN: "median", Statistic.WEIBULL_MEAN: "Weibull mean"}
     if statistic not in names:
-        raise _unknown(statistic)
+        raise EpuckSimError(f"statistic is {statistic!r}; allowed: {comma_list(Statistic)}")
     return "share" if is_share else names[statistic]
-
-
-def _unknown(statistic: object) -> EpuckSimError:
-    return EpuckSimError(f"statistic is {statistic!r}; allowed: {comma_list(Statistic)}")
 
 
 def check_statistic(measured: Measured, statistic: Statistic) -> None:
@@ -204,8 +200,7 @@ def resample(measured: Measured, statistic: Statistic) -> FloatArray:
         return resample_means(measured, RESAMPLES)
     if statistic == Statistic.WEIBULL_MEAN:
         return survival.weibull_resamples(measured.values, measured.observed, RESAMPLES, measured.seed)
-    if statistic != Statistic.MEDIAN:
-        raise _unknown(statistic)
+    statistic_name(statistic, is_censored=False)  # which refuses an unknown one
     shift = _shift(measured)
     curves = survival.resampled_curves(measured.values - shift, measured.observed, RESAMPLES, measured.seed)
     return np.concatenate([survival.medians(block) for block in curves]) + shift

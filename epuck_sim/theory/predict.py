@@ -92,10 +92,7 @@ class Prediction(NamedTuple):
 
 
 def predict(scenario: ScenarioLike) -> Prediction:
-    """Return the prediction for a scenario without a sweep, or what `load_scenario` takes.
-
-    ScenarioError is raised where there cannot be one.
-    """
+    """Return the prediction for what `load_scenario` takes, without a sweep; raise ScenarioError if there is none."""
     loaded = load_of_model(scenario, Scenario)
     return predictor(loaded)(_speed_of(loaded))
 

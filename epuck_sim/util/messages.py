@@ -67,7 +67,7 @@ def whole(name: str, value: object, least: int = 1) -> int:
 
 def numbered(name: str, number: object, several: Sequence[Any]) -> Any:
     """Return the one of several with this number, from 0; raise ValueError if there is none."""
-    if not isinstance(number, (int, Integral)) or not 0 <= number < len(several):
+    if not isinstance(number, (int, Integral)) or not 0 <= int(number) < len(several):
         raise ValueError(f"{name} is {number!r}; allowed: {f'0 to {len(several) - 1}' if several else 'none'}")
     return several[int(number)]
 
