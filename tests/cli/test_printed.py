@@ -401,8 +401,9 @@ def test_a_log_names_each_file_once_that_takes_long_to_compile(monkeypatch, caps
     monkeypatch.setattr(progress, "is_kept", lambda: not is_fleeting)
     looks = [None, None, Path("mine.py"), Path("mine.py"), None]
     monkeypatch.setattr(progress, "COMPILING_IN_A_LOG_S", 0.001)
+    shown = progress.TrialProgress(1, load_scenario("pair").stop)
     monkeypatch.setattr(native, "compiling", lambda: (2, looks.pop(0)) if looks[1:] else shown._is_over.set())
-    with progress.TrialProgress(1, load_scenario("pair").stop) as shown:
+    with shown:
         shown.begin(0, None)  # interpreted controllers call what is compiled then
         assert shown._is_over.wait(10)
     said = "compiled 2 functions so far{}; {}\n"
