@@ -102,24 +102,19 @@ class FlashLinker:
     def add(self, time_s: float, rings: Sequence[Ring]) -> None:
         """Add the rings of the next frame: each continues the nearest flash, or begins one."""
         self._now_s = time_s
-        pairs = sorted(
-            (distance, place, index)
-            for place, (lit, reach_cm) in enumerate((lit, lit.reach_cm(time_s)) for lit in self._lit)
-            for index, ring in enumerate(rings)
-            if (distance := math.dist(ring[:2], lit.ring[:2])) <= reach_cm
-        )
-        seen: dict[int, int] = {}
-        for _, place, index in pairs:
-            if place not in seen and index not in seen.values():
-                seen[place] = index
+        pairs: list[tuple[float, int, int]] = []
         for place, lit in enumerate(self._lit):
-            if place in seen:
-                lit.see(time_s, rings[seen[place]])
-            else:
-                lit.missed_s.append(time_s)
+            away_cm, reach_cm = [math.dist(ring[:2], lit.ring[:2]) for ring in rings], lit.reach_cm(time_s)
+            pairs += [(each, place, index) for index, each in enumerate(away_cm) if each <= reach_cm]
+        dark, new = dict(enumerate(self._lit)), dict(enumerate(rings))
+        for _, place, index in sorted(pairs):
+            if place in dark and index in new:
+                dark.pop(place).see(time_s, new.pop(index))
+        for lit in dark.values():
+            lit.missed_s.append(time_s)
         self._ended += [lit.flash(time_s) for lit in self._lit if len(lit.missed_s) > MAX_MISSED]
         self._lit = [lit for lit in self._lit if len(lit.missed_s) <= MAX_MISSED]
-        self._lit += [_Lit(time_s, ring) for index, ring in enumerate(rings) if index not in seen.values()]
+        self._lit += [_Lit(time_s, ring) for ring in new.values()]
 
     @property
     def flashes(self) -> tuple[Flash, ...]:

@@ -159,8 +159,7 @@ def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) 
     moments_s = [math.inf if each is None else track.start_s + each for each in (track.histogram_s, track.t_sync_s)]
     begins_s = track.times_s[np.argmax(track.counts * (track.times_s >= track.start_s + (track.t_sync_s or 0.0)))]
     found: TrackedFrame | None = None
-    size_px = annotator.width_px, annotator.height_px
-    about = {"annotated": True}
+    size_px, about = (annotator.width_px, annotator.height_px), {"annotated": True}
     to = nullcontext() if annotated is None else film_file(annotated, *size_px, about, annotated.stem)
     with open_film(track.film) as film, to as writer:
         frames = progress(excerpt(film.frames(), track.options), film.duration_s)
@@ -176,7 +175,8 @@ def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) 
                 writer.write(Frame(frame.time_s, annotator.annotate(tracked)))
             elif found is not None:
                 break
-    assert found is not None, "the film has the frames that it had before"
+    if found is None:
+        raise FilmError(f"{track.film}: has fewer frames than when it was tracked; save it in a file, and track that")
     steady_cm = [each[2:4] for each in track.steady if each.onset_s <= found.frame.time_s <= each.end_s]
     flashing = [ring for ring in found.rings if all(math.dist(ring[:2], each) > REACH_CM for each in steady_cm)]
     return found._replace(rings=flashing)
@@ -238,8 +238,8 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     )
     in_order_s = evidence.in_order_s
     reasons, found = objections(evidence), doubts(evidence)
-    t_sync_s = None if reasons else in_order_s
-    histogram_s = None if reasons or sync is None else sync.time_s
+    t_sync_s = None if reasons or in_order_s is None else in_order_s - start_s
+    histogram_s = None if reasons or sync is None else sync.time_s - start_s
     frame_s = float(np.median(np.diff(times_s)))
     return Track(
         film=film,
@@ -257,11 +257,11 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
         position_error_mm=10 * geometry.error_cm or None,
         robots_seen=evidence.most_lit,
         flashes_per_period=evidence.flashes_per_period,
-        t_sync_s=_since(start_s, t_sync_s),
-        t_sync_periods=_since(start_s, t_sync_s, period_s),
-        t_sync_cycles=None if t_sync_s is None else evidence.cycles_at(t_sync_s),
-        histogram_s=_since(start_s, histogram_s),
-        histogram_periods=_since(start_s, histogram_s, period_s),
+        t_sync_s=t_sync_s,
+        t_sync_periods=None if t_sync_s is None else t_sync_s / period_s,
+        t_sync_cycles=None if reasons or in_order_s is None else evidence.cycles_at(in_order_s),
+        histogram_s=histogram_s,
+        histogram_periods=None if histogram_s is None else histogram_s / period_s,
         confidence="none" if reasons else "low" if found or warnings else "high",
         reasons=tuple(reasons or ([] if in_order_s else [why_never(evidence)])),
         warnings=(*warnings, *found),
@@ -276,10 +276,6 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     )
 
 
-def _since(start_s: float, time_s: float | None, unit_s: float = 1.0) -> float | None:
-    return None if time_s is None else (time_s - start_s) / unit_s
-
-
 def without_steady(counted: CountedRings, period_s: float | None) -> tuple[tuple[Flash, ...], list[Flash], IntArray]:
     """Return flashes, flashes of rings that are always lit, and (frames,) counts without the latter.
 
@@ -287,9 +283,11 @@ def without_steady(counted: CountedRings, period_s: float | None) -> tuple[tuple
     than at others are those of a lamp that the camera sees now and then. As a description does not say how bright rings
     are, dim flashes that are nearer to a wall than robots can be are left out, too.
     """
+    from scipy.spatial import KDTree  # noqa: PLC0415 takes a while to load
+
     onset_s, end_s, places, _, light = FlashTable.of(counted.flashes)
     longest_s = period_s / 2 if period_s else max(LONG_FLASHES * np.median(end_s - onset_s), SHORTEST_STEADY_S)
-    here = np.array([np.count_nonzero(np.hypot(*(places - place).T) < SAME_PLACE_CM) for place in places])
+    here = KDTree(places).query_ball_point(places, SAME_PLACE_CM, return_length=True)
     is_steady = (end_s - onset_s > longest_s) | (here > max(FEWEST_FLICKERS, MOST_FLICKERS * np.median(here)))
     to_wall_cm = np.minimum(places, counted.geometry.floor_cm - places).min(axis=1)
     is_none = (to_wall_cm < epuck.RADIUS_CM - OFF_CM) & (light < MIN_RELATIVE_LIGHT * np.median(light))

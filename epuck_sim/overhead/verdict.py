@@ -229,12 +229,12 @@ def count_images(flashes: FlashTable) -> int:
 
     Each is dimmer than another flash that is straight beside, above or below it, and begins and ends with it.
     """
-    images, (x_cm, y_cm), light = 0, flashes.places_cm.T, flashes.light
-    for index in range(len(light)):
-        onset_off_s, end_off_s = (np.abs(each - each[index]) for each in (flashes.onset_s, flashes.end_s))
-        off_cm = np.minimum(np.abs(x_cm - x_cm[index]), np.abs(y_cm - y_cm[index]))
-        is_twin = (np.maximum(onset_off_s, end_off_s) <= TWIN_S) & (off_cm <= STRAIGHT_CM)
-        images += bool((is_twin & (light[index] < DIMMER * light)).any())
+    onset_s, end_s, places_cm, light = flashes.onset_s, flashes.end_s, flashes.places_cm, flashes.light
+    one, two = synchrony.pairs_within(onset_s, onset_s, (-2 * TWIN_S, 2 * TWIN_S))
+    off_s = np.maximum(np.abs(onset_s[one] - onset_s[two]), np.abs(end_s[one] - end_s[two]))
+    off_cm = np.abs(places_cm[one] - places_cm[two]).min(axis=1)
+    is_image = (off_s <= TWIN_S) & (off_cm <= STRAIGHT_CM) & (light[one] < DIMMER * light[two])
+    images = len(np.unique(one[is_image]))
     return images if images >= max(FEW, COMMON_IMAGES * len(light)) else 0
 
 

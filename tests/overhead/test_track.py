@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from docs.figures.overhead_confidence import examine
+from epuck_sim.errors import FilmError
 from epuck_sim.overhead import annotate
 from epuck_sim.overhead.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, WHITE, Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
@@ -51,6 +52,8 @@ def test_described_film_gives_its_trial_and_a_snapshot_all_its_rings_but_those_t
     lamp = Flash(0.0, math.inf, *shown.rings[0][:2], 80.0)
     for steady, seen in ((lamp, 5), (lamp._replace(end_s=0.1), 6)):
         assert len(look_again(tracked._replace(steady=(steady,)), None, passed).rings) == seen
+    with pytest.raises(FilmError, match="has fewer frames than when it was tracked"):
+        look_again(tracked._replace(times_s=tracked.times_s + 60), None, passed)
 
 
 def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:

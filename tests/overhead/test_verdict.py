@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 from collections.abc import Iterable, Iterator
 from typing import Any
 from unittest.mock import Mock
@@ -408,6 +409,11 @@ def test_mirror_images_and_places_are_counted_and_rings_linked_across_a_frame_th
     images = [robot._replace(x_cm=-robot.x_cm, light=40.0) for robot in robots[::2]]
     assert verdict.count_images(FlashTable.of(robots)) == 0
     assert verdict.count_images(FlashTable.of(sorted(robots + images))) == len(images)
+    many = tuple(Flash(k / 8, k / 8 + 0.1, k % 61, k % 53, 50.0 + k % 2) for k in range(30_000))  # an hour of a swarm
+    began = time.process_time()
+    assert verdict.count_images(FlashTable.of(many)) == 0
+    assert without_steady(filmed(flashes=many).counted, 1.0)[0] == many
+    assert time.process_time() - began < 15  # comparing each with all others takes minutes
     assert flashes.count_places([(1.0, 1.0), (2.0, 1.0), (9.0, 9.0)]) == 2
     one, other = linked([10.0], [10.5, 30.0], [30.4], [11.0, 30.8], [], [], [], [])
     assert (one.onset_s, one.end_s, other.onset_s, other.end_s) == (0, 4, 1, 4)
