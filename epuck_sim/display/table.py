@@ -8,6 +8,7 @@ import io
 import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from numbers import Integral
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -171,7 +172,7 @@ def csv_cell(value: Any, digits: int = CSV_DIGITS) -> Any:
     >>> csv_cell(1234.56789), csv_cell(1234567), csv_cell(float("nan")), csv_cell("mean")
     ('1234.57', 1234567, '', 'mean')
     """
-    if value is None or isinstance(value, str | int | list | dict):
+    if value is None or isinstance(value, str | Integral | list | dict):
         return value
     if not math.isfinite(value):
         return ""

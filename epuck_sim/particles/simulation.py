@@ -125,7 +125,7 @@ class ParticleSimulation:
         self.seed = seed
         draw_differences(self._arrays, self.scenario, self.seed)
         start(self._arrays.block, self._addresses, seed_words(self.seed))
-        self.events = []
+        self.events, self.recorded = [], 0
         self._present = self.scenario  # with the values that the schedule has set
         self._timed = timed_entries(self.scenario.schedule, self._moment, NEVER)
         if self.scenario.faults:
@@ -134,7 +134,6 @@ class ParticleSimulation:
         self._is_changed = False  # by the schedule since the last event
 
     def _moment(self, time_s: float) -> Moment:
-        """Return the moment of a time."""
         return divmod(time_s / self.scenario.clocks.period_s, 1.0) if time_s < math.inf else NEVER
 
     def _await_change(self) -> None:

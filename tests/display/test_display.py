@@ -204,7 +204,8 @@ def test_values_of_axes_are_shown_as_scenarios_have_them_and_with_all_of_their_d
     lines = Table("", [Row({"arena.obstacles": each}, {"trials": n}) for n, each in enumerate(axes)]).to_text()
     shown = [line.rpartition("  ")[0].strip() for line in lines.splitlines()[2:]]
     assert shown == ["[{shape: box, x_cm: 30, is_low: true}]", "[]", "null", "false"]
-    rows = [Row({"max_cycles": cycles, "speed": 0.1234567}, {"trials": 1234567}) for cycles in (1_000_000, 1_000_001)]
+    each = ((1_000_000, 1234567), (1_000_001, np.int64(1234567)))
+    rows = [Row({"max_cycles": cycles, "speed": 0.1234567}, {"trials": trials}) for cycles, trials in each]
     head, *lines = Table("", rows).to_csv().splitlines()
     assert head == "max_cycles,speed,trials"
     assert lines == [f"{cycles},0.1234567,1234567" for cycles in (1_000_000, 1_000_001)]
