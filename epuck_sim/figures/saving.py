@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -30,8 +29,6 @@ SVG = "{http://www.w3.org/2000/svg}"  # namespace of the elements of SVG, which 
 
 FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
 """Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
-
-NO_TABLES: Mapping[str, str] = MappingProxyType({})
 
 
 class Target(NamedTuple):
@@ -58,7 +55,7 @@ def parse_target(path: Path) -> Target:
 
 
 def save_figure(
-    target: Target, draw: Callable[[], Figure], tables: Mapping[str, str] = NO_TABLES, caption: str = ""
+    target: Target, draw: Callable[[], Figure], tables: Mapping[str, str] | None = None, caption: str = ""
 ) -> list[Path]:
     """Write the pictures of a figure, and its tables and caption beside them, and return the files, pictures first.
 
@@ -66,7 +63,7 @@ def save_figure(
     results give equal files. EpuckSimError is raised if a file cannot be written; then none is written, and older files
     stay.
     """
-    texts = {**tables, **({CAPTION: f"{caption}\n"} if caption else {})}
+    texts = {**(tables or {}), **({CAPTION: f"{caption}\n"} if caption else {})}
     endings = [*target.formats, *texts]
     files = check_files(target.stem, endings)
     figure = draw()

@@ -15,12 +15,12 @@ from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arena import floor_levels
 from epuck_sim.arrays import FloatArray
-from epuck_sim.display.arena_svg import LAMP
+from epuck_sim.display.arena_svg import LAMP, MOST_NUMBERED
 from epuck_sim.display.table import leaves
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.labels import format_axis_values, group_labels, short_files
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers import FLOOR_PX, LEGIBLE_SHARE, UNLABELLED
+from epuck_sim.recording.layers import FLOOR_PX, LEGIBLE_SHARE
 from epuck_sim.recording.reader import Recorded
 from epuck_sim.recording.rows import Population, population_of
 from epuck_sim.recording.series import phase_lead
@@ -166,7 +166,7 @@ def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: sl
         axes.add_patch(Circle((x, y), INNER_SHARE * radius_cm, fill=False, edgecolor="white", linewidth=1, zorder=3.5))
         ahead_x, ahead_y = radius_cm * math.cos(heading), radius_cm * math.sin(heading)
         axes.plot([x, x + ahead_x], [y, y + ahead_y], color="white", zorder=4)
-        if population.size < UNLABELLED:  # on its disc, behind its front, or beside it if that is small
+        if population.size < MOST_NUMBERED:  # on its disc, behind its front, or beside it if that is small
             span_cm = max(population.arena.width_cm, population.arena.height_cm)
             behind = 0.45 if 2 * radius_cm >= LEGIBLE_SHARE * span_cm else 1.9
             outline = [withStroke(linewidth=2, foreground="white")]
@@ -183,7 +183,7 @@ def _draw_segment(axes: Axes, recorded: Recorded, population: Population, rows: 
     for number, path, colour, face in _robots(recorded, population, rows):
         axes.plot(path[:, 1], path[:, 0], color=colour, linewidth=0.8)
         axes.plot(path[-1, 1], path[-1, 0], "o", color=face, markeredgecolor=colour, markersize=10)
-        if population.size < UNLABELLED:
+        if population.size < MOST_NUMBERED:
             axes.text(path[-1, 1], path[-1, 0], str(number), color="white", fontsize=6, ha="center", va="center")
     axes.set(ylabel="simulated time (s)")
     axes.margins(0.03)

@@ -5,6 +5,7 @@ The fields of a measure that is a dataclass are its parameters.
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,7 +21,7 @@ class Shipped:
     simulation: Any
 
     def __post_init__(self) -> None:
-        """Begin with nothing measured."""
+        """Begin with nothing measured; a subclass replaces it."""
 
     @property
     def has_bodies(self) -> bool:
@@ -31,9 +32,9 @@ class Shipped:
 class Series(Shipped):
     """A measure with a value for each cycle, which its method `cycle` or `batch` appends."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._series: list[Any] = []
+    @cached_property
+    def _series(self) -> list[Any]:
+        return []
 
     def value(self) -> Any:
         return self._series

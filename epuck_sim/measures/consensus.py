@@ -29,7 +29,6 @@ class _Talk(Series):
     MODELS = ("embodied", "particles")
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         population = int(self.simulation.scenario.population)
         self._random = np.random.default_rng([self.simulation.seed, STREAM])
         self.knows = [{word} for word in range(population)]  # the words that each robot or agent knows

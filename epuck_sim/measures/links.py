@@ -28,7 +28,6 @@ class Links(Shipped):
     _keeps, _before, _passed = 0, NO_LINKS, 0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         self._population = int(self.simulation.scenario.population)
         self._square = self._population**2
         self._seen: list[IntArray] = [NO_LINKS]
@@ -54,41 +53,37 @@ class Links(Shipped):
         begin, last = np.searchsorted(links, [first * self._square, end * self._square])
         return np.unique(links[begin:last] % self._square)
 
+    def compare(self, links: IntArray, cycles: int) -> tuple[IntArray, IntArray, IntArray]:
+        """Return (cycles,) numbers of links of the cycle before, of this one, and of both; not for the first cycle."""
+        both = np.intersect1d(links + self._square, links, assume_unique=True)
+        had, kept = (np.bincount(each // self._square + 1, minlength=cycles + 1) for each in (links, both))
+        first = 0 if self._passed else 1
+        return had[first:-1], had[first + 1 :], kept[first + 1 :]
 
-class _Kept(Links):
-    """Base class of measures of links that are kept from one cycle to the next."""
+
+class NeighbourChange(Links, Series):
+    """Share of links that changed since the last cycle: 1 - |A and B| / |A or B| (series)."""
 
     _keeps = 1
 
     def take(self, links: IntArray, cycles: int) -> None:
-        both = np.intersect1d(links + self._square, links, assume_unique=True)
-        had, kept = (np.bincount(each // self._square + 1, minlength=cycles + 1) for each in (links, both))
-        first = 0 if self._passed else 1
-        self.compare(had[first:-1], had[first + 1 :], kept[first + 1 :])
-
-    def compare(self, before: IntArray, after: IntArray, kept: IntArray) -> None:
-        """Record (cycles,) numbers of links of the cycle before, of this one, and of both."""
-        raise NotImplementedError
-
-
-class NeighbourChange(_Kept, Series):
-    """Share of links that changed since the last cycle: 1 - |A and B| / |A or B| (series)."""
-
-    def compare(self, before: IntArray, after: IntArray, kept: IntArray) -> None:
         if not self._passed:
             self._series.append(None)
+        before, after, kept = self.compare(links, cycles)
         either = before + after - kept
         self._series += [
             1 - both / any_of if any_of else None for both, any_of in zip(kept.tolist(), either.tolist(), strict=True)
         ]
 
 
-class LinkLife(_Kept, Share):
+class LinkLife(Links, Share):
     """Mean number of successive cycles in which a link exists: links at risk over links that end."""
 
     UNIT = "cycles"
+    _keeps = 1
 
-    def compare(self, before: IntArray, _: IntArray, kept: IntArray) -> None:
+    def take(self, links: IntArray, cycles: int) -> None:
+        before, _, kept = self.compare(links, cycles)
         self._part += int(before.sum())
         self._whole += int((before - kept).sum())
 

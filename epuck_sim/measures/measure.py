@@ -28,17 +28,13 @@ Value = Scalar | list[Scalar]  # value of a measure: one, or a series with one f
 T_SYNC_S = "t_sync_s"  # name by which T_sync in seconds is asked for, as if it were a measure
 T_SYNC = (None, T_SYNC_S)  # what is asked for if not a measure; None is T_sync in cycles
 
-STEP_METHOD, STRETCH_METHOD = "step", "stretch"
-"""Methods that are called with control steps of robots: with each, and with many in a row at once."""
-
-EVENT_METHODS = {STEP_METHOD: "every control step of robots", "event": "every event of point agents"}
+EVENT_METHODS = {"step": "every control step of robots", "event": "every event of point agents"}
 """Methods that are called after every event of a trial, and the events of each."""
 
-CYCLE_METHOD, BATCH_METHOD = "cycle", "batch"
-"""Methods that are called with firings of the reference: with each, and with many in a row at once."""
+CYCLE_METHOD = "cycle"  # method that is called at every firing of the reference
 
-AT_ONCE = {STEP_METHOD: STRETCH_METHOD, CYCLE_METHOD: BATCH_METHOD}
-"""Methods that are called with many at once, by those in whose place they are called."""
+AT_ONCE = {"step": "stretch", CYCLE_METHOD: "batch"}
+"""Methods that are called with many steps or firings in a row, by those in whose place they are called."""
 
 CALLED = (*EVENT_METHODS, CYCLE_METHOD, *AT_ONCE.values(), "value", "check", "check_scenario")
 """All methods that are called, if a measure has them."""

@@ -50,15 +50,11 @@ class _Moves(Shipped):
 
     _place: FloatArray | None = None
 
-    def stretch(self, stretch: Any, _: Any) -> None:
-        places = stretch.poses[:, :, :2]
-        moves = np.diff(places, axis=0, prepend=places[:1] if self._place is None else self._place)
-        self.take(moves[self._place is None :])
+    def moves(self, stretch: Any) -> FloatArray:
+        """Return (steps, robots, 2) cm: moves in the steps of the next stretch, but the trial's first step."""
+        before, places = self._place, stretch.poses[:, :, :2]
         self._place = places[-1:].copy()
-
-    def take(self, moves: FloatArray) -> None:
-        """Record (steps, robots, 2) moves in cm."""
-        raise NotImplementedError
+        return np.diff(places, axis=0, prepend=places[:0] if before is None else before)
 
 
 class MeanSpeed(_Moves):
@@ -68,7 +64,8 @@ class MeanSpeed(_Moves):
     MODELS = ("embodied",)
     _way_cm, _steps = 0.0, 0
 
-    def take(self, moves: FloatArray) -> None:
+    def stretch(self, stretch: Any, _: Any) -> None:
+        moves = self.moves(stretch)
         for way_cm in np.sqrt((moves**2).sum(axis=2)).mean(axis=1).tolist():
             self._way_cm += way_cm
         self._steps += len(moves)
@@ -95,6 +92,9 @@ class VelocityCorrelationTime(_Moves):
         self._last: FloatArray = np.zeros((0, 0))  # (lags, n d) velocities that later ones will be multiplied by
         self._sums, self._terms = np.zeros((2, self.lags + 1))
         self._first_s = self._last_s = 0.0
+
+    def stretch(self, stretch: Any, _: Any) -> None:
+        self.take(self.moves(stretch))
 
     def batch(self, batch: Any, _: Any) -> None:
         if not self.has_bodies:

@@ -27,7 +27,6 @@ class _Twin(Series):
     def __post_init__(self) -> None:
         from epuck_sim.particles.twin import make_endless, make_twin  # reading a scenario must not compile anything
 
-        super().__post_init__()
         scenario, seed = self.simulation.scenario, self.simulation.seed
         self._twin = make_twin(scenario, seed, self.displacement)
         self._wait_s = scenario.clocks.period_s / 2 if self.displacement else 0.0  # a twin slightly behind fires later

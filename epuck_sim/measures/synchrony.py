@@ -33,7 +33,6 @@ class GroupOrder(Series):
         check_range("group", parameters.group, 0, len(scenario.robots) - 1)
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         self._robots = [robots for *_, robots in members(self.simulation.scenario.robots)][self.group]
 
     def cycle(self, step: Any, _: Any) -> None:

@@ -18,6 +18,7 @@ from rerun.chunk import Chunk
 from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import SENSORS
+from epuck_sim.display.arena_svg import MOST_NUMBERED
 from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import half_view_rad
 from epuck_sim.embodied.start import parked
@@ -51,8 +52,6 @@ CAMERA_NUMBERS = "/camera/rows/numbers"
 SPACE_TIME = "/camera/space_time"
 INFRARED = "/infrared"
 INFRARED_NUMBERS = "/infrared/numbers"
-
-UNLABELLED = 50  # swarms of this size or larger are drawn without number labels
 
 CIRCLE_CORNERS = 64  # corners of a round obstacle's outline
 FLOOR_PX = 1024  # longer side of the picture of a floor
@@ -160,7 +159,7 @@ def static_arena_entities(population: Population, level: Level) -> Iterator[Chun
         yield static_chunk(MOVABLES, rr.Points2D.from_fields(radii=radii, colors=GREY, draw_order=15))
     yield static_chunk(ROBOTS, RINGS)
     yield static_chunk(ROBOTS, rr.Points2D.from_fields(radii=population.radii_cm, show_labels=False, draw_order=20))
-    if population.size < UNLABELLED:
+    if population.size < MOST_NUMBERED:
         size, _ = number_style(population)
         for number, radius_cm in enumerate(population.radii_cm):
             digits = number_strips(number, 0.0, 0.0)
@@ -203,7 +202,7 @@ def arena_entities(batch: RowBatch, population: Population) -> Iterator[Chunk]:
     middles, rings = places.reshape(-1, 2), batch.ring_on.ravel().astype(np.uint16)
     yield temporal_chunk(ROBOTS, time_ns, rr.Points2D.columns(positions=middles, class_ids=rings), count)
     yield temporal_chunk(HEADINGS, time_ns, rr.Arrows2D.columns(origins=middles, vectors=ahead.reshape(-1, 2)), count)
-    if count < UNLABELLED:
+    if count < MOST_NUMBERED:
         behind = places - number_style(population)[1] * ahead
         behind = np.nan_to_num(np.pad(behind, ((0, 0), (0, 0), (0, 1))), nan=NOWHERE_CM)
         for number in range(count):

@@ -15,7 +15,7 @@ from epuck_sim.statistics.statistic import MOST_CENSORED
 
 MIN_SPEEDS = 6  # fewest determined speeds of a curve with extrema: a smooth curve with two bends takes four or more
 
-MIN_TRIALS = 20
+ENOUGH_TRIALS = 20
 """Fewest trials of a point at which a curve may have extrema.
 
 On curves that do not rise, 2 trials a point make a pair in up to two thirds of all cases, 5 trials in up to a
@@ -247,8 +247,8 @@ def search_measure(curve: Curve) -> tuple[Extrema | None, Extrema | None, str]:
 
 
 def _usable(curve: Curve) -> tuple[BoolArray, BoolArray]:
-    """Return which points have `MIN_TRIALS` trials, and which of these are not censored by half or more, (S,) each."""
-    tried = (curve.x > 0) & (curve.trials >= MIN_TRIALS)
+    """Return which points have `ENOUGH_TRIALS`, and which of these are not censored by half or more, (S,) each."""
+    tried = (curve.x > 0) & (curve.trials >= ENOUGH_TRIALS)
     return tried, tried & (curve.censored < MOST_CENSORED) & np.isfinite(curve.values)
 
 
@@ -258,8 +258,8 @@ def _reason_against(curve: Curve, tried: BoolArray, usable: BoolArray) -> str:
         return f"{speeds} speeds; a minimum and a peak need {MIN_SPEEDS}"
     if enough < MIN_SPEEDS:
         return (
-            f"fewer than {MIN_TRIALS} trials at {speeds - enough} of {speeds} speeds, where noise can look like "
-            f"a rise; give --trials {MIN_TRIALS} or more: 200 show a rise of a fifth"
+            f"fewer than {ENOUGH_TRIALS} trials at {speeds - enough} of {speeds} speeds, where noise can look like "
+            f"a rise; give --trials {ENOUGH_TRIALS} or more: 200 show a rise of a fifth"
         )
     if left < MIN_SPEEDS:
         return (
@@ -286,8 +286,8 @@ def _reason_against_measure(curve: Curve, usable: BoolArray) -> str:
         return f"{positive} positive values of the axis; a minimum and a peak need {MIN_SPEEDS}"
     if left < MIN_SPEEDS:
         return (
-            f"fewer than {MIN_TRIALS} trials with a value at {positive - left} of {positive} points, where noise "
-            f"can look like a rise; give --trials {MIN_TRIALS} or more"
+            f"fewer than {ENOUGH_TRIALS} trials with a value at {positive - left} of {positive} points, where noise "
+            f"can look like a rise; give --trials {ENOUGH_TRIALS} or more"
         )
     return ""
 
@@ -306,10 +306,10 @@ def find_fast_speed(curve: Curve) -> Place | None:
 
     Where T_sync is unknown because all trials are censored, it counts as the limit of cycles. There is no V_f if T_sync
     is nowhere that long or still falls at the largest speeds, if there are fewer than two speeds above 0, if trials at
-    the largest are censored, or if a point has fewer than `MIN_TRIALS` trials.
+    the largest are censored, or if a point has fewer than `ENOUGH_TRIALS` trials.
     """
     moving = curve.x > 0
-    if np.count_nonzero(moving) < 2 or curve.trials[moving].min() < MIN_TRIALS or curve.censored[-1] > 0:
+    if np.count_nonzero(moving) < 2 or curve.trials[moving].min() < ENOUGH_TRIALS or curve.censored[-1] > 0:
         return None
     speeds, limit = curve.x[moving], float(curve.scenario.stop.max_cycles)
     times = np.vstack([curve.values[moving], curve.resampled[:, moving]])

@@ -9,7 +9,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import MeasureError
-from epuck_sim.measures.measure import BATCH_METHOD, CYCLE_METHOD, STRETCH_METHOD, Measure, Parameter, Scalar, Value
+from epuck_sim.measures.measure import CYCLE_METHOD, Measure, Parameter, Scalar, Value
 from epuck_sim.scenario.changes import ScheduleEntry
 from epuck_sim.scenario.scenario import STOP, Condition, Scenario, condition_key
 from epuck_sim.trial.result import Observer, TrialState
@@ -107,14 +107,15 @@ class Measuring:
         event_method = simulation.scenario.event_method
         for method, observers in ((event_method, self.at_events), (CYCLE_METHOD, self.at_cycles)):
             if told_by := measure.told_by(method):
-                tell, tells = partial(_call, measure, origin, getattr(instance, told_by)), observers
-                if told_by == STRETCH_METHOD:
-                    tells = self.at_stretches
-                elif told_by == BATCH_METHOD and hasattr(simulation, "take_batch"):
-                    tells = self.at_batches
-                elif told_by == BATCH_METHOD:
-                    tell = partial(_tell_one, tell, simulation)
-                tells.append(tell)
+                tell = partial(_call, measure, origin, getattr(instance, told_by))
+                if told_by == "stretch":
+                    self.at_stretches.append(tell)
+                elif told_by != "batch":
+                    observers.append(tell)
+                elif hasattr(simulation, "take_batch"):
+                    self.at_batches.append(tell)
+                else:
+                    observers.append(partial(_tell_one, tell, simulation))
                 observers += [watch for watch in watches if not watch.counts_firings]
         self.at_cycles += [watch for watch in watches if watch.counts_firings]
 

@@ -16,12 +16,11 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 
 from epuck_sim import epuck, load_scenario, read_recording
 from epuck_sim.arrays import FloatArray
-from epuck_sim.display.arena_svg import LAMP
+from epuck_sim.display.arena_svg import LAMP, MOST_NUMBERED
 from epuck_sim.figures import trial_page
 from epuck_sim.figures.saving import Target, save_figure
 from epuck_sim.figures.trial_page import RED, draw_page, page_title
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers import UNLABELLED
 from epuck_sim.recording.reader import Recorded
 from epuck_sim.recording.rows import PATH_S, population_of
 from tests.cli.commands import call
@@ -240,7 +239,7 @@ def test_any_trial_can_be_drawn_undistorted(tmp_path, scenario: Any) -> None:
     trial = recorded(tmp_path / "t.rrd", scenario)
     arena, *_ = laid_out(draw_page(trial)).axes
     assert len(robots(arena)) == trial.scenario.robot_count
-    assert bool(arena.texts) == (trial.scenario.robot_count < UNLABELLED)
+    assert bool(arena.texts) == (trial.scenario.robot_count < MOST_NUMBERED)
     (left, right), (bottom, top), box = arena.get_xlim(), arena.get_ylim(), arena.get_window_extent()
     assert left <= 0 < trial.scenario.arena.width_cm <= right
     assert box.width / (right - left) == pytest.approx(box.height / (top - bottom), rel=0.01)

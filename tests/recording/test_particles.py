@@ -12,12 +12,12 @@ from matplotlib.colors import to_hex
 
 from epuck_sim import EpuckSimError, ParticleScenario, load_scenario, read_recording, run_trial
 from epuck_sim.arrays import FloatArray
+from epuck_sim.display.arena_svg import MOST_NUMBERED
 from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.overhead.filming import film_trial
 from epuck_sim.particles.simulation import SHIFTS_ONLY, Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
-from epuck_sim.recording.layers import UNLABELLED
 from epuck_sim.recording.rerun import run_rerun
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import simulate
@@ -264,7 +264,7 @@ def check_entities(path: Path, scenario: ParticleScenario, level: Level) -> None
     there = {
         **dict.fromkeys(("/now", "/flashes", "/order/steps", "/order/firings"), True),
         **dict.fromkeys(("/phases", "/phase_lead", "/arena/robots", "/arena/headings"), has_poses),
-        **{f"/arena/numbers/{n}": has_poses and len(numbered) < UNLABELLED for n in numbered},
+        **{f"/arena/numbers/{n}": has_poses and len(numbered) < MOST_NUMBERED for n in numbered},
         "/arena/links": is_full,
         "/order/threshold": scenario.stop.order_parameter is not None,
         "/events": scenario.has_events,

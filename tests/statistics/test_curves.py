@@ -281,12 +281,12 @@ def curve_of(law, speeds=made_folders.MANY_SPEEDS, trials: int = 60, **changes) 
 
 
 def test_with_few_trials_there_is_no_p_value_but_how_many_are_the_least_and_speeds_with_few_are_left_out() -> None:
-    for trials in (1, extrema.MIN_TRIALS - 1):
+    for trials in (1, extrema.ENOUGH_TRIALS - 1):
         found = search_extrema(curve_of(made_folders.bumpy, trials=trials))
         assert (found.places, found.p_value) == ({}, None)
         assert found.reason.startswith("fewer than 20 trials at 13 of 13 speeds")
         assert "give --trials 20 or more" in found.reason
-    assert search_extrema(curve_of(made_folders.bumpy, trials=extrema.MIN_TRIALS)).reason == ""
+    assert search_extrema(curve_of(made_folders.bumpy, trials=extrema.ENOUGH_TRIALS)).reason == ""
     curve = curve_of(lambda point: weibull(point, 50, trials=60 if point.number % 2 else 3))
     assert curve.trials.tolist() == [3, 60] * 6 + [3]
     pair = find_minimum_and_peak(curve.x[1::2], curve.values[1::2], curve.resampled[:, 1::2])
