@@ -1,6 +1,7 @@
 """Judges whether a T_sync can be trusted: reasons to give none, doubts, and why a swarm was never synchronised."""
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -241,7 +242,7 @@ def count_images(flashes: FlashTable) -> int:
 def doubts(evidence: Evidence) -> list[str]:
     """Return sentences about doubtful lights, a doubtful geometry, number of robots, or period."""
     counted, flashes, geometry = evidence.counted, evidence.flashes, evidence.counted.geometry
-    found = _doubts_about_frames(evidence)
+    found = [*_doubts_about_frames(evidence)]
     if evidence.lit_always:
         found.append(
             f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}; check "
@@ -294,13 +295,13 @@ def doubts(evidence: Evidence) -> list[str]:
     return found + _about_light(evidence)[1] + _doubts_about_numbers(evidence)
 
 
-def _doubts_about_frames(evidence: Evidence) -> list[str]:
-    """Return sentences about frames that are missing, or too far apart to show when flashes began."""
-    found, intervals_s = [], np.diff(evidence.counted.times_s)
+def _doubts_about_frames(evidence: Evidence) -> Iterator[str]:
+    """Yield sentences about frames that are missing, or too far apart to show when flashes began."""
+    intervals_s = np.diff(evidence.counted.times_s)
     usual_s = float(np.median(intervals_s))
     gaps_s = intervals_s[intervals_s > GAP * usual_s]
     if len(gaps_s):
-        found.append(
+        yield (
             f"gaps longer than {GAP:g} times the usual {1000 * usual_s:.3g} ms between frames: {len(gaps_s)}, "
             f"the longest {gaps_s.max():.3g} s; frames were dropped"
         )
@@ -312,16 +313,13 @@ def _doubts_about_frames(evidence: Evidence) -> list[str]:
     in_step_s = flashes.onset_s[flashes.onset_s <= (evidence.in_order_s or math.inf) + evidence.period_s / 2]
     order = np.abs(np.exp(2j * np.pi * in_step_s / evidence.period_s).mean())
     if evidence.is_early and order >= evidence.order_parameter and not began_lit:
-        found.append(
-            "flashes are in step from the film's beginning, which may be after T_sync; film robots from their start"
-        )
+        yield "flashes are in step from the film's beginning, which may be after T_sync; film robots from their start"
     is_short = np.mean(flashes.end_s - flashes.onset_s) < SHORTEST_FRAMES * usual_s
     if is_short or first_s < last_s - evidence.period_s / 2:
-        found.append(
+        yield (
             f"frames come every {1000 * usual_s:.3g} ms, too seldom to see when flashes begin, on which T_sync "
             "depends here; film more frames per second"
         )
-    return found
 
 
 def _doubts_about_numbers(evidence: Evidence) -> list[str]:

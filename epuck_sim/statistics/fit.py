@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.display.table import Row, Share, Table
+from epuck_sim.display.table import Row, Share, Table, leaves
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.runs.reader import PointTrials, SweepTrials
@@ -91,7 +91,7 @@ class OffsetLaw(NamedTuple):
     r_squared: float  # share of the weighted variance of T that the law explains
 
 
-class Comparison(NamedTuple):
+class FittedExponent(NamedTuple):
     """A fitted exponent beside that of the thesis: a row of a table."""
 
     quantity: str
@@ -203,7 +203,7 @@ class Laws(NamedTuple):
     model: str
     axes: dict[str, Any]  # folder and axes that the curves share
     curves: int  # number of the curves
-    exponents: list[Comparison]
+    exponents: list[FittedExponent]
     offset_laws: dict[str, OffsetLaw]  # laws of T_m and T_p, by name
     reason: str  # why there are no laws; empty if there are
 
@@ -237,14 +237,8 @@ def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> li
 
 
 def _other_settings(scenario: Scenario) -> str:
-    rest = scenario.trial_keys
-    for key in scenario.scale_keys:
-        *path, name = key.split(".")
-        section: Any = rest
-        for part in path:
-            section = section[int(part)] if isinstance(section, list) else section[part]
-        section.pop(name, None)
-    return json.dumps(rest)
+    scales = scenario.scale_keys
+    return json.dumps({key: value for key, value in leaves(scenario.trial_keys) if key not in scales})
 
 
 def fit_laws(curves: Sequence[FittedCurve]) -> list[Laws]:
@@ -268,13 +262,13 @@ def _fit_laws(alike: Sequence[FittedCurve]) -> Laws:
         if any(place is not missing for place in places):
             values = np.array([place.estimate.value for place in places])
             quantities[name] = values, np.stack([place.resampled for place in places], axis=1)
-    laws, exponents = LAWS.get(model, LAWS["embodied"]), list[Comparison]()
+    laws, exponents = LAWS.get(model, LAWS["embodied"]), list[FittedExponent]()
     try:
         for name, numbers in quantities.items():
             fit = fit_power_law(laws[name], parameters, *numbers)
             for parameter, exponent in fit.exponents.items():
                 term, known = laws[name][parameter], (fit.curves, fit.misfit)
-                exponents.append(Comparison(name, parameter, term.form, exponent, term.exponent, *known))
+                exponents.append(FittedExponent(name, parameter, term.form, exponent, term.exponent, *known))
     except ValueError as error:
         return Laws(model, shared, len(alike), [], {}, str(error))
     several = f"{counted(len(alike), 'curve')} with {FOUND.get(model, FOUND['embodied'])}"

@@ -6,7 +6,7 @@ to 98 % of all cases; percentiles of the bootstrap do in 78 to 96 % (docs/statis
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -394,26 +394,22 @@ class Summaries(list[PointSummary]):
             cells = {**censored, **{name: point.estimates[name] for name in names}, "unit": point.unit}
             rows.append(Row(point.axes, {"point": point.point, "trials": point.trials, **cells}))
         title = f"{folder}{': ' * bool(folder)}{self.label}, with 95 % intervals"
-        return Table(title, rows, self._notes(), {**names, "unit": ""})
+        return Table(title, rows, [*self._notes()], {**names, "unit": ""})
 
-    def _notes(self) -> list[str]:
-        notes = []
+    def _notes(self) -> Iterator[str]:
         if undetermined := sum(point.undetermined for point in self):
-            notes.append(f"Left out: {counted(undetermined, 'trial')}, undetermined or not measured yet.")
+            yield f"Left out: {counted(undetermined, 'trial')}, undetermined or not measured yet."
         elif not any(point.trials for point in self):
-            notes.append("No trial has a value yet.")
+            yield "No trial has a value yet."
         if any(point.censored for point in self):
-            notes.append(
+            yield (
                 "Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit "
                 "of cycles, or the longest trial. Weibull mean: extrapolated by thesis Appendix A. -: undetermined."
             )
         if unbegun := sum(point.unbegun for point in self):
-            never = f"{counted(unbegun, 'trial')}, whose reference never fired"
-            notes.append(f"Censored at 0 cycles, so without effect: {never}.")
-        few = sum(0 < point.trials < MIN_TRIALS for point in self)
-        if few:
-            notes.append(f"No intervals at {few} of {len(self)} points: one takes {MIN_TRIALS} trials or more.")
-        return notes
+            yield f"Censored at 0 cycles, so without effect: {counted(unbegun, 'trial')}, whose reference never fired."
+        if few := sum(0 < point.trials < MIN_TRIALS for point in self):
+            yield f"No intervals at {few} of {len(self)} points: one takes {MIN_TRIALS} trials or more."
 
     def _repr_html_(self) -> str:
         return self.table()._repr_html_()

@@ -18,12 +18,12 @@ from epuck_sim.display.table import Row
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.figures import style
-from epuck_sim.figures.forms.form import Choices, Form, draw_trials, end_scale, joined, names_of, number_names
+from epuck_sim.figures.forms.form import Choices, Form, draw_trials, end_scale, joined, named_axis, names_of
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
 from epuck_sim.figures.saving import tabulate, tabulate_rows
 from epuck_sim.measures.measure import SERIES_COLUMNS, T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes, is_logarithmic
+from epuck_sim.scenario.axes import SPEED, check_panels, distinguishing_axes, is_logarithmic
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import (
     Curve,
@@ -125,8 +125,7 @@ class Curves(Form):
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
         rows = [point.axes for point in points]
-        axis = choose_axis(rows, *choices.axis("x"), by_name=True)
-        points, names = number_names(points, axis)
+        axis, points, names = named_axis(points, choices)
         split_by, origin = choices.axis("panels", taken=axis)
         if (count := len(group_by_other_axes(points, axis))) > MAX_CURVES:
             raise EpuckSimError(

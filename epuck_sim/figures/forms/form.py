@@ -15,7 +15,7 @@ from epuck_sim.figures.labels import axis_label, format_axis_values, format_valu
 from epuck_sim.figures.style import GREY, PLAIN, finish, format_tick, make_panels, shifted, style, typeset
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import FigureSection, distinguishing_axes, numeric_axes
+from epuck_sim.scenario.axes import FigureSection, choose_axis, distinguishing_axes, numeric_axes
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.statistic import measure, measure_unit, quantity
 from epuck_sim.util.messages import counted
@@ -125,15 +125,16 @@ class Form(ABC):
         return [format_axis_values(row, among, self.settings.labels) for row in short_files(distinguishing_axes(rows))]
 
 
-def number_names(points: Sequence[PointTrials], axis: str) -> tuple[Sequence[PointTrials], list[str]]:
-    """Return points with 0, 1 and so on in place of the names that are values of an axis, and the names, if any are."""
+def named_axis(points: Sequence[PointTrials], choices: Choices) -> tuple[str, Sequence[PointTrials], list[str]]:
+    """Return the horizontal axis; points, with 0, 1 and so on in place of names that are its values; and the names."""
     rows = [point.axes for point in points]
+    axis = choose_axis(rows, *choices.axis("x"), by_name=True)
     if axis in numeric_axes(rows):
-        return points, []
+        return axis, points, []
     texts = [format_value(axis, row[axis]) for row in short_files([{axis: row[axis]} for row in rows])]
     names = list(dict.fromkeys(texts))
     each = zip(points, texts, strict=True)
-    return [point._replace(axes={**point.axes, axis: names.index(text)}) for point, text in each], names
+    return axis, [point._replace(axes={**point.axes, axis: names.index(text)}) for point, text in each], names
 
 
 def names_of(curves: Sequence[Curve]) -> list[str]:

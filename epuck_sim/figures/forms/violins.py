@@ -14,12 +14,12 @@ from matplotlib.axes import Axes
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import style
-from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials, end_scale, joined, number_names
+from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials, end_scale, joined, named_axis
 from epuck_sim.figures.labels import undetermined_label
 from epuck_sim.figures.saving import tabulate
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import choose_axis, is_logarithmic
+from epuck_sim.scenario.axes import is_logarithmic
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import Curve, read_curves
 
@@ -52,9 +52,7 @@ class Violins(Form):
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
         check_has_values(points, cls.name)
-        rows = [point.axes for point in points]
-        axis = choose_axis(rows, *choices.axis("x"), by_name=True)
-        points, names = number_names(points, axis)
+        axis, points, names = named_axis(points, choices)
         censored_at = choices.section.censored_at_cycles if points[0].of is None else None
         limit = max(point.scenario.stop.max_cycles for point in points)
         if "censored_at_cycles" in choices.given and censored_at is not None and censored_at > limit:
