@@ -307,10 +307,6 @@ def _close_gaps(view: Light, width: float) -> Light:
     return np.asarray(cv2.morphologyEx(view, cv2.MORPH_CLOSE, disc), np.uint8)
 
 
-FixedPointMap = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
-"""OpenCV's map: (rows, columns, 2) whole pixels, and (rows, columns) fractions of one."""
-
-
 class RectifiedView:
     """The plane of the rings, as far as a camera sees it, from straight above: square cells along the arena's axes."""
 
@@ -383,8 +379,8 @@ def _map_of_plane(camera: CameraModel, first_cm: FloatArray, columns: int, rows:
     return np.dstack([pixels, stray]).astype(np.float32)
 
 
-def _fixed_point_map(cells: npt.NDArray[Any]) -> FixedPointMap:
-    """Return OpenCV's map from (rows, columns, 3) cells: column, row, and whether the picture does not show it."""
+def _fixed_point_map(cells: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]:
+    """Return OpenCV's map, whole pixels and fractions, from (rows, columns, 3) cells; see `_map_of_plane`."""
     at_column, at_row = np.moveaxis(np.where(cells[..., 2:] > 0, -10, cells[..., :2]), -1, 0)  # outside: no light
     whole, fractions = cv2.convertMaps(at_column.astype(np.float32), at_row.astype(np.float32), cv2.CV_16SC2)
     return np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)

@@ -281,7 +281,6 @@ class ParticleSimulation:
             self._change_faults(self._fault_ms)
 
     def _change_faults(self, time_ms: float) -> None:
-        """Begin and end the faults that are due."""
         for fault in change_faults(self._observe(), time_ms):
             self.events.append(fault_event(self.instants, self.time_s, *fault))
         self._is_changed = True

@@ -235,7 +235,6 @@ class Arrays:
         self.block, self.scene = block, scene_of(block)
 
     def __getattr__(self, name: str) -> npt.NDArray[Any]:
-        """Return an array."""
         if name not in ARRAYS:
             raise AttributeError(name)
         array, dtype = array_in(self.block, name), ARRAYS[name][0]

@@ -5,7 +5,6 @@ differ from those that have ended.
 """
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,7 +48,7 @@ class Curve(NamedTuple):
     of: str | None = None  # name of the measure; None for T_sync
     is_share: bool = False  # whether the measure is a truth value, and the statistic a share
     measured: Sequence[Measured] = ()  # (S,) the trials
-    tied: Mapping[str, Sequence[Any]] = MappingProxyType({})  # (S,) values of axes that go with these, as in a zip
+    tied: Mapping[str, Sequence[Any]] = {}  # (S,) values of axes that go with these, as in a zip
 
     @property
     def names(self) -> list[str]:

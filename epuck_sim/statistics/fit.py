@@ -33,7 +33,6 @@ from epuck_sim.statistics.statistic import measure, quantity, student_estimate
 from epuck_sim.statistics.survival import fit_log_normal
 from epuck_sim.util.messages import counted, shortest_endings
 
-Quantity = tuple[FloatArray, FloatArray]  # values, (C,), of curves, and resamples, (B, C); NaN where unknown
 Parameters = Mapping[str, FloatArray]  # values of epsilon, L (cm), N and tau (s), each (C,): one for every curve
 
 
@@ -256,7 +255,7 @@ def _fit_laws(alike: Sequence[FittedCurve]) -> Laws:
     parameters = {name: np.array([curve.parameters[name] for curve in alike]) for name in alike[0].parameters}
     resamples = max(len(place.resampled) for curve in alike for place in curve.places.values())
     missing = Place(UNDETERMINED, np.full(resamples, math.nan))
-    quantities: dict[str, Quantity] = {}
+    quantities = {}  # values, (C,), of curves, and resamples, (B, C); NaN where unknown
     for name in QUANTITIES:
         places = [curve.places.get(name, missing) for curve in alike]
         if any(place is not missing for place in places):

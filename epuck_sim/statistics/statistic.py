@@ -194,13 +194,13 @@ def estimate(measured: Measured, statistic: Statistic, resampled: FloatArray | N
 
 def resample(measured: Measured, statistic: Statistic) -> FloatArray:
     """Return a statistic of `RESAMPLES` resamples, (B,); inf where it is too long to be determined."""
+    statistic_name(statistic, measured.censored > 0)  # refuses one that is not known
     if not measured.observed.any():
         return np.full(RESAMPLES, math.inf)
     if statistic == Statistic.MEAN:
         return resample_means(measured, RESAMPLES)
     if statistic == Statistic.WEIBULL_MEAN:
         return survival.weibull_resamples(measured.values, measured.observed, RESAMPLES, measured.seed)
-    statistic_name(statistic, is_censored=False)  # which refuses an unknown one
     shift = _shift(measured)
     curves = survival.resampled_curves(measured.values - shift, measured.observed, RESAMPLES, measured.seed)
     return np.concatenate([survival.medians(block) for block in curves]) + shift

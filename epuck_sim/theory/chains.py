@@ -112,14 +112,13 @@ def find_limit(
         instants += taken
         if instants > ALL_INSTANTS:
             break
-    count = sum(has_ended)
-    ended_share = share(np.array(has_ended, np.bool_))
-    if not count:
-        return Limit(hold, UNDETERMINED, ended_share, sum(times))
-    value = sum(times) / count
-    spread = float(np.std(times, ddof=1)) / value if len(times) == count > 1 else 1.0
-    factor = math.exp(QUANTILE * spread / math.sqrt(count))
-    return Limit(hold, Estimate(value, value / factor, value * factor), ended_share, sum(times))
+    mean = UNDETERMINED
+    if count := sum(has_ended):
+        value = sum(times) / count
+        spread = float(np.std(times, ddof=1)) / value if len(times) == count > 1 else 1.0
+        factor = math.exp(QUANTILE * spread / math.sqrt(count))
+        mean = Estimate(value, value / factor, value * factor)
+    return Limit(hold, mean, share(np.array(has_ended, np.bool_)), sum(times))
 
 
 @jit

@@ -144,7 +144,6 @@ class TrialResult(NamedTuple):
         return self.simulated_s / self.wall_s
 
     def _repr_html_(self) -> str:
-        """Return the result as a table, for notebooks."""
         from epuck_sim.display.html import facts, to_html  # noqa: PLC0415 is for notebooks alone
         from epuck_sim.display.table import cell_text  # noqa: PLC0415
 

@@ -25,6 +25,7 @@ from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.provenance import versions
 
+OF_STEPS = ("poses", "wheels_cm_s", "ring_on", "phase_ms", "flash_seen", "distance_mm", "infrared", "camera")
 CHUNK_ROWS = 20_000  # number of rows that are gathered in memory before they are written, about 4 MB
 
 
@@ -63,7 +64,7 @@ class Trace:
         self._robots = scenario.robot_count
         check_fields(scenario, memory)
         self._fields = {name: name for name in reading_fields(scenario)} | {f"memory.{name}": name for name in memory}
-        self._steps: list[list[npt.NDArray[Any]]] = []
+        self._steps: list[dict[str, npt.NDArray[Any]]] = []
         self._relations: dict[str, list[list[int]]] = {"sees": [], "touches": []} if relations else {}
         self._metadata = {"scenario": write_scenario(scenario), "seed": str(seed), "versions": json.dumps(versions())}
         self._writer: pq.ParquetWriter | None = None
@@ -76,10 +77,9 @@ class Trace:
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Record a step."""
-        times, fields = np.full(self._robots, step.time_s), (field_values(step, each) for each in self._fields.values())
-        rings = step.ring_on, step.phase_ms, step.flash_seen
-        shown = times, step.poses, step.wheels_cm_s, *rings, step.distance_mm, step.infrared, step.camera, *fields
-        self._steps.append([values.copy() for values in shown])
+        shown = {name: getattr(step, name).copy() for name in OF_STEPS}
+        fields = {column: field_values(step, field).copy() for column, field in self._fields.items()}
+        self._steps.append({"time_s": np.full(self._robots, step.time_s), **shown, **fields})
         if self._relations:
             contacts = step.contacts  # a contact of two robots is listed for both of them
             both_ways = np.concatenate([contacts, contacts[contacts[:, 1] >= 0, ::-1]])
@@ -89,21 +89,17 @@ class Trace:
             self._write()
 
     def _write(self) -> None:
-        times, poses, wheels, ring_on, phase_ms, flash_seen, distances, infrared, camera, *fields = map(
-            np.concatenate, zip(*self._steps, strict=True)
-        )
+        rows = {name: np.concatenate([step[name] for step in self._steps]) for name in self._steps[0]}
         columns = {
-            "time_s": times,
+            "time_s": rows["time_s"],
             "robot": np.tile(np.arange(self._robots, dtype=np.int32), len(self._steps)),
-            **dict(zip(("x_cm", "y_cm", "heading_rad"), poses.T, strict=True)),
-            **dict(zip(("left_cm_s", "right_cm_s"), wheels.T, strict=True)),
-            "ring_on": ring_on,
-            "phase_ms": phase_ms,
-            "flash_seen": flash_seen,
-            **{f"distance_mm_{sensor}": values for sensor, values in enumerate(distances.T.astype(np.int32))},
-            **{f"infrared_{sensor}": values for sensor, values in enumerate(infrared.T)},
-            "camera": camera.astype(np.uint8),
-            **dict(zip(self._fields, fields, strict=True)),
+            **dict(zip(("x_cm", "y_cm", "heading_rad"), rows["poses"].T, strict=True)),
+            **dict(zip(("left_cm_s", "right_cm_s"), rows["wheels_cm_s"].T, strict=True)),
+            **{name: rows[name] for name in ("ring_on", "phase_ms", "flash_seen")},
+            **{f"distance_mm_{sensor}": values for sensor, values in enumerate(rows["distance_mm"].T.astype(np.int32))},
+            **{f"infrared_{sensor}": values for sensor, values in enumerate(rows["infrared"].T)},
+            "camera": rows["camera"].astype(np.uint8),
+            **{column: rows[column] for column in self._fields},
         }
         arrays = {name: _arrow_array(values) for name, values in columns.items()}
         arrays |= {name: pa.array(lists, pa.list_(pa.int32())) for name, lists in self._relations.items()}

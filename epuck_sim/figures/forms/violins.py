@@ -38,8 +38,7 @@ class Violins(Form):
     the same time. The line is the estimate in its 95 % band, or dots with bars over names, with a cross on the upper
     edge where it is undetermined or far beyond all trials; a diamond is the mean of all trials, if none is censored; a
     dashed line is the cycle at which the estimate takes trials as censored. For a measure, a violin is the density of
-    its values, or of their logarithms on a logarithmic scale, and the line is the mean. The scale is logarithmic for
-    T_sync, and for a measure if its values are positive and far apart.
+    its values, or of their logarithms on a logarithmic scale (`style.has_log_scale`), and the line is the mean.
     """
 
     name = "violins"
