@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -52,7 +53,8 @@ WRONG_SIZE = 0.08  # relative error of the rings' size that makes the scale doub
 TILTED_DEG = 3.0  # tilt of a camera that makes positions doubtful if no corners are given
 
 
-class Evidence(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Evidence:
     """Evidence of a film once its counts are evaluated."""
 
     counted: CountedRings  # counts and flashes, without rings that are always lit
@@ -64,32 +66,32 @@ class Evidence(NamedTuple):
     period_is_given: bool
     order_parameter: float = synchrony.ORDER_PARAMETER  # order parameter from which the swarm is synchronised
 
-    @property
+    @cached_property
     def flashes(self) -> FlashTable:
         """The flashes, as columns."""
         return FlashTable.of(self.counted.flashes)
 
-    @property
+    @cached_property
     def span_s(self) -> tuple[float, float]:
         """Beginning and end of what was filmed."""
         return float(self.counted.times_s[0]), float(self.counted.times_s[-1])
 
-    @property
+    @cached_property
     def periods(self) -> synchrony.Periods:
         """The whole periods around flashes that hold flashes of most robots."""
         return synchrony.Periods(self.flashes.onset_s, self.period_s, self.span_s, self.usual_flashes)
 
-    @property
+    @cached_property
     def in_order_s(self) -> float | None:
         """Time, on the film's clock, when the onsets first had the order parameter of synchrony; None if never."""
         return self.periods.first_in_order_s(self.order_parameter)
 
-    @property
+    @cached_property
     def swarm(self) -> int:
         """Number of robots: the given one, or the number that flash in a period of a swarm that is nearly in step."""
         return self.robots or self.periods.robots()
 
-    @property
+    @cached_property
     def is_early(self) -> bool:
         """Whether the swarm is synchronised so soon that the film may not show it out of step."""
         return (self.in_order_s or math.inf) < self.span_s[0] + FROM_BEGINNING * self.period_s
@@ -103,20 +105,20 @@ class Evidence(NamedTuple):
         before = np.count_nonzero(self.flashes.onset_s <= time_s - self.period_s / 2)
         return 1 + math.ceil(int(before) / max(self.swarm, 1) - MORE_FLASHES)
 
-    @property
+    @cached_property
     def most_lit(self) -> int:
         """Largest number of rings lit at once in two consecutive frames."""
         counts = self.counted.counts
         return int(np.minimum(counts[1:], counts[:-1]).max(initial=0))
 
-    @property
+    @cached_property
     def flashes_per_period(self) -> float:
         """Mean number of flashes in a period, over the time without gaps between frames."""
         times_s = self.counted.times_s
         seen_s = float((synchrony.frame_ends(times_s, times_s[-1]) - times_s).sum())
         return len(self.counted.flashes) / seen_s * self.period_s
 
-    @property
+    @cached_property
     def usual_flashes(self) -> float:
         """Least number of flashes that counts as flashes of most robots; at least two."""
         return max(2.0, MOST_OF_USUAL * self.flashes_per_period if self.robots is None else MOST * self.robots)
@@ -376,7 +378,7 @@ def _shown_period_s(evidence: Evidence) -> float:
     onsets_s, period_s = evidence.flashes.onset_s, evidence.period_s
     if evidence.in_order_s is None and evidence.robots is None:
         shown_s = synchrony.estimate_period_s(evidence.counted.times_s, evidence.counted.counts) or period_s
-        if HIDING * shown_s <= period_s and evidence._replace(period_s=shown_s).in_order_s is not None:
+        if HIDING * shown_s <= period_s and replace(evidence, period_s=shown_s).in_order_s is not None:
             return shown_s
     since_s = onsets_s[onsets_s >= (math.inf if evidence.in_order_s is None else evidence.in_order_s)]
     together_s = np.diff(since_s[np.diff(since_s, prepend=-math.inf) > period_s / 4])

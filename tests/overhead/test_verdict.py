@@ -4,6 +4,7 @@ import json
 import math
 import time
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
@@ -273,7 +274,7 @@ def evidence(onsets=ONSETS, *, flash_s: float = 0.1, apart_cm: float = 12.0, **c
     """Return that of four robots of a period of 1 s that flash together from 3.5 s on."""
     flashes = tuple(flash(onset, 10.0 + apart_cm * (k % 4), flash_s) for k, onset in enumerate(onsets))
     unseen = CountedRings(240, TIMES, np.zeros(240, int), np.zeros(240, int), (), make_geometry())
-    return seen(Evidence(unseen, 0, 1.0, 0.05, None, 4, True)._replace(**changes), flashes, flash_s)
+    return seen(replace(Evidence(unseen, 0, 1.0, 0.05, None, 4, True), **changes), flashes, flash_s)
 
 
 def seen(known: Evidence, flashes: tuple[Flash, ...], flash_s: float = 0.1, area=None) -> Evidence:
@@ -282,19 +283,19 @@ def seen(known: Evidence, flashes: tuple[Flash, ...], flash_s: float = 0.1, area
     rings = known.counted._replace(counts=counts, areas_px=100 * counts if area is None else area, flashes=flashes)
     found = evaluate(TIMES, counts, known.period_s)
     sync = next((each for each in found if is_synchronised(each, known.threshold_s)), None)
-    return known._replace(counted=rings, sync=sync)
+    return replace(known, counted=rings, sync=sync)
 
 
 def filmed(**changes) -> Evidence:
     """Return evidence with changes to what was counted."""
     given = evidence()
-    return given._replace(counted=given.counted._replace(**changes))
+    return replace(given, counted=given.counted._replace(**changes))
 
 
 def cycles_of(cycle_s: float) -> Evidence:
     """Return evidence of robots that flash in turn, with cycles of another length than the period."""
     onsets = np.sort((cycle_s * (np.arange(8 / cycle_s)[:, None] + np.arange(4) / 4)).ravel())
-    return evidence(onsets, flash_s=0.05)._replace(sync=None)
+    return replace(evidence(onsets, flash_s=0.05), sync=None)
 
 
 @pytest.mark.parametrize(("given", "reason"), [
@@ -308,7 +309,7 @@ def cycles_of(cycle_s: float) -> Evidence:
     (evidence([*IN_TURN, 6.5, 6.5]), "the narrow histogram holds 2 flashes, but there are 4 robots; check --robots"),
     (evidence([*IN_TURN, 6.5, 6.5, 6.5]), ""),
     *(
-        (evidence()._replace(period_s=9.0, robots=robots), "no whole period of 9 s was seen; check --period-s, or film")
+        (replace(evidence(), period_s=9.0, robots=robots), "no whole period of 9 s was seen; check --period-s, or film")
         for robots in (None, 4, 1)
     ),
     # what shines is together where rings are not
@@ -324,9 +325,9 @@ def test_what_does_not_add_up_is_objected(given: Evidence, reason: str) -> None:
 @pytest.mark.parametrize(("moves_cm", "known", "doubted"), [(9, {}, True), (3, {}, False), (9, {"robots": 1}, False)])
 def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(moves_cm, known, doubted) -> None:
     flashes = tuple(flash(0.5 + k, float(moves_cm * k)) for k in range(8))
-    given = seen(evidence(robots=None, period_is_given=False), flashes)._replace(**known)
+    given = replace(seen(evidence(robots=None, period_is_given=False), flashes), **known)
     assert may_be_half_a_period(given) == doubted
-    assert not may_be_half_a_period(given._replace(period_is_given=True))
+    assert not may_be_half_a_period(replace(given, period_is_given=True))
 
 
 def test_places_that_flash_in_turn_are_noticed_and_two_groups_are_no_swarm_in_step_from_the_beginning() -> None:
@@ -340,7 +341,7 @@ def test_places_that_flash_in_turn_are_noticed_and_two_groups_are_no_swarm_in_st
     given = seen(evidence(robots=None, period_is_given=False), flashes)
     (reason,) = objections(given)
     assert "the period is 2 s and two groups flash in turn" in reason
-    assert objections(given._replace(robots=3)) == []
+    assert objections(replace(given, robots=3)) == []
 
 
 def burnt_out(number: int) -> Evidence:
@@ -368,9 +369,9 @@ IN_STEP = evidence(np.repeat(0.5 + np.arange(7), 4))
     (filmed(geometry=make_geometry()._replace(tilt_deg=9.0)), ""),  # by the corners
     (evidence(period_s=100.0), ""),
     (IN_STEP, "are in step from the film's beginning, which may be after T_sync; film robots from their start"),
-    (IN_STEP._replace(counted=IN_STEP.counted._replace(frames=300)), ""),  # it began in the light, before the trial
+    (replace(IN_STEP, counted=IN_STEP.counted._replace(frames=300)), ""),  # it began in the light, before the trial
     (evidence([0.1, 0.3, 0.5, 0.8, *np.repeat(1.55 + np.arange(6), 4)]), ""),
-    (evidence()._replace(lit_always=2), "left out: 2; check --period-s, or leave out lamps"),
+    (replace(evidence(), lit_always=2), "left out: 2; check --period-s, or leave out lamps"),
     (filmed(outside=7), "rings outside of the floor, and left out: 7 in 240 frames"),
     (burnt_out(5), "burnt out to discs: 5 of 28;"),
     (filmed(areas_px=100 * counted(0.1 + np.arange(40) / 5, 0.1, TIMES)), "total light is spread"),
@@ -386,10 +387,10 @@ IN_STEP = evidence(np.repeat(0.5 + np.arange(7), 4))
     (evidence(flash_s=0.04), "frames come every 33.3 ms, too seldom"),
     (evidence(NEARLY), "frames come every 33.3 ms, too seldom"),
     (evidence(np.delete(ONSETS, [14, 17, 22]), robots=None), "3 to 4 flashes are seen in a period of the synchronised"),
-    *((SHOWN._replace(period_s=each), f"hardly flash every {each:g} s; check --fps") for each in (0.02, 100.0)),
+    *((replace(SHOWN, period_s=each), f"hardly flash every {each:g} s; check --fps") for each in (0.02, 100.0)),
     *((evidence(period_s=each), "robots flash every 1 s, not every") for each in (0.8, 1.1)),
     (evidence(robots=None, period_s=2.0), "flash every 1 s, not every 2 s: check --period-s and --fps, or give"),
-    (SHOWN._replace(period_s=2.5), "is estimated from only 3.2 periods of film; better give --period-s"),
+    (replace(SHOWN, period_s=2.5), "is estimated from only 3.2 periods of film; better give --period-s"),
 ])  # fmt: skip
 def test_what_is_doubtful_is_said(given: Evidence, doubt: str) -> None:
     found = doubts(given)
@@ -399,7 +400,7 @@ def test_what_is_doubtful_is_said(given: Evidence, doubt: str) -> None:
 @pytest.mark.parametrize("given", [filmed(counts=CUT), filmed(dazzled=0.1), evidence(lit_always=2), evidence(MISSED)])
 def test_corners_that_are_given_are_not_asked_for(given: Evidence) -> None:
     geometry = make_geometry()._replace(calibration=CORNERS)
-    (found,) = doubts(given._replace(counted=given.counted._replace(geometry=geometry)))
+    (found,) = doubts(replace(given, counted=given.counted._replace(geometry=geometry)))
     assert "--corners" not in found
 
 
