@@ -259,7 +259,7 @@ def test_a_recorder_is_for_its_own_trial_alone(tmp_path, second, error, said) ->
         run_trial(Simulation(named, 1), [observer])
         with pytest.raises(error, match=said):
             run_trial(Simulation(short if second == "pair" else second, 1), [observer])
-    assert len(read_recording(path).firing_s) == 3
+    assert len(read_recording(path).firing_s) == 2
     with pytest.raises(ScenarioError, match=r"^pair: seed is -1; allowed"), record(path, "pair", -1):
         pass
 
