@@ -115,7 +115,7 @@ def test_the_list_runs_nothing(tmp_path) -> None:
     said = ["A4   9            Claim A4 (no trials)", "A5   9            Claim A5"]
     assert result.stdout.splitlines()[3:5] == said
     assert not (tmp_path / "out").exists()
-    assert len(call("replicate", "--list").stdout.splitlines()) == 74
+    assert len(call("replicate", "--list").stdout.splitlines()) == 76
 
 
 def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
