@@ -136,8 +136,11 @@ def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     >>> [*leaves({"a": {"b": 1}, "c": [{"d": 2}], "e": [3]})]
     [('a.b', 1), ('c.0.d', 2), ('e', [3])]
     """
-    is_list = isinstance(value, Sequence) and all(isinstance(each, Mapping) for each in value)
-    inner: Mapping[Any, Any] = value if isinstance(value, Mapping) else dict(enumerate(value)) if is_list else {}
+    inner: Mapping[Any, Any] = {}
+    if isinstance(value, Mapping):
+        inner = value
+    elif isinstance(value, Sequence) and all(isinstance(each, Mapping) for each in value):
+        inner = dict(enumerate(value))
     if not inner:
         yield key, value
     for name, part in inner.items():

@@ -293,7 +293,7 @@ class Simulation:
 
         Raises what `advance` does.
         """
-        first, steps = self.steps, min(whole("steps", steps), MOST_STEPS)
+        first, steps = self.steps, whole("steps", steps)
         steps = min(self._unchanged(first), steps)  # in an arena that may be new
         if self._history is None:
             self._history = History(self.scenario, self._scene, self._loop, self.last_step.arena)
@@ -387,8 +387,7 @@ class Simulation:
         self._note("set_parameters", group, **values)
 
     def _group(self, number: int) -> GroupControllers:
-        numbered("group", number, self._groups)
-        return self._groups[number]
+        return numbered("group", number, self._groups)
 
     def _set_parameters(self, group: int, values: Mapping[str, Value], origin: str) -> None:
         changed = self._group(group)

@@ -180,12 +180,13 @@ def run_trial(
     """
     if not isinstance(getattr(simulation, "scenario", None), Scenario):
         raise TypeError(f"a trial needs a simulation, such as Simulation('thesis', seed=1), not {simulation!r}")
-    observers = tuple(observers)
+    observers, own = tuple(observers), simulation.scenario
     for each in observers:
         if (kept := getattr(each, "trial_seed", simulation.seed)) != simulation.seed:
             raise ValueError(f"an observer is for seed {kept}, but the trial has seed {simulation.seed}")
-        meant, own, start = getattr(each, "trial_scenario", simulation.scenario), simulation.scenario, {"start": None}
-        if meant.trial_keys | start != own.trial_keys | start:  # agents that start like robots are given their poses
+        meant, start = getattr(each, "trial_scenario", own), {"start": None}
+        # agents that start like robots are given their poses
+        if meant is not own and meant.trial_keys | start != own.trial_keys | start:
             raise ValueError(f"an observer is for {meant}; the trial is of {own}, or has other values")
     measuring = Measuring(simulation)
     run = MODELS[simulation.scenario.model].run

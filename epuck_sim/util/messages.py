@@ -5,7 +5,9 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from numbers import Integral
-from typing import Any
+from typing import TypeVar
+
+_Item = TypeVar("_Item")
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -65,7 +67,7 @@ def whole(name: str, value: object, least: int = 1) -> int:
     return int(value)
 
 
-def numbered(name: str, number: object, several: Sequence[Any]) -> Any:
+def numbered(name: str, number: object, several: Sequence[_Item]) -> _Item:
     """Return the one of several with this number, from 0; raise ValueError if there is none."""
     if not isinstance(number, (int, Integral)) or not 0 <= int(number) < len(several):
         raise ValueError(f"{name} is {number!r}; allowed: {f'0 to {len(several) - 1}' if several else 'none'}")
