@@ -96,10 +96,9 @@ def read_form(
     if len(given_results) not in (len(folders), len(points)):
         kinds = comma_list([*dict.fromkeys(type(each).__name__ for each in given_results)])
         raise EpuckSimError(f"results are of the type {kinds}; allowed: run folders, or points of one folder")
-    for each in folders:
-        if Path(each).suffix == ".rrd":
-            in_python = "in Python: epuck_sim.figures.trial_page.draw_page(read_recording(FILE))"
-            raise EpuckSimError(f"{each}: is a recording, which gets a figure of its own, {in_python}")
+    if recording := next((each for each in folders if Path(each).suffix == ".rrd"), None):
+        in_python = "in Python: epuck_sim.figures.trial_page.draw_page(read_recording(FILE))"
+        raise EpuckSimError(f"{recording}: is a recording, which gets a figure of its own, {in_python}")
     if points and (names or where or of not in (None, points[0].of)):
         raise EpuckSimError("names, where and of are for run folders; for points, give read_points(folder, of=NAME)")
     where = [where] if isinstance(where, str) else where
