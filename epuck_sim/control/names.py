@@ -85,7 +85,10 @@ def _check_names(
         if definition is not None:
             nodes = [*ast.walk(definition)]
             names = _names_of_arguments(definition, nodes, roles)
-            for line, said in _mistakes(nodes, names, known, several, fixed):
+            mistakes = [*_mistakes(nodes, names, known, several, fixed)]
+            if function in (getattr(user, "step", None), getattr(user, "sense", None)):
+                mistakes += _returned(definition)
+            for line, said in mistakes:
                 raise ControllerError(f"{code.co_filename}:{line}: {said}")
             for node in nodes:
                 if isinstance(node, ast.Call):
@@ -152,6 +155,21 @@ def _mistakes(
         if is_set and (role in fixed or (role == "sensors" and isinstance(node, ast.Attribute))):
             setter, may = ("sensor", "its readings") if own == "readings" else ("controller", "memory and actuators")
             yield node.lineno, f"sets {ast.unparse(node)}; a {setter} may set only {may}"
+
+
+def _returned(definition: ast.FunctionDef) -> Iterator[tuple[int, str]]:
+    """Yield line and message of each value that `step` or `sense` returns; functions defined within may return some."""
+    inner = {
+        each
+        for part in definition.body
+        for node in ast.walk(part)
+        if isinstance(node, ast.FunctionDef | ast.Lambda)
+        for each in ast.walk(node)
+    }
+    to = "readings" if definition.name == "sense" else "actuators, as in actuators.ring_on = 1"
+    for node in ast.walk(definition):
+        if isinstance(node, ast.Return) and node not in inner and ast.unparse(node) not in ("return", "return None"):
+            yield node.lineno, f"{ast.unparse(node)}: nothing reads what {definition.name} returns; set {to}"
 
 
 def check_draws(file: PythonFile, instead: str) -> None:
