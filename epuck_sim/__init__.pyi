@@ -14,7 +14,7 @@ from .errors import (
 from .figures.report import write_report
 from .overhead.filming import film_trial
 from .overhead.render import ArenaView
-from .page.writer import write_page
+from .page.writer import Page, write_page
 from .particles.simulation import Event, ParticleSimulation
 from .recording.reader import read_recording, show
 from .recording.recorder import record
@@ -39,6 +39,7 @@ __all__ = [
     "Event",
     "FilmError",
     "MeasureError",
+    "Page",
     "ParticleScenario",
     "ParticleSimulation",
     "Point",

@@ -242,16 +242,6 @@ class Simulation:
         self._clear(block)
         return block, self._loop.functions
 
-    def page(self) -> Any:
-        """Return the scenario, with this seed, as a page that notebooks show; `epuck-sim page` writes one to a file.
-
-        Raises:
-            ScenarioError: The scenario cannot be a page.
-        """
-        from epuck_sim.page.writer import Shown  # noqa: PLC0415 is for notebooks alone
-
-        return Shown(self.scenario, self.seed)
-
     def at_work(self) -> tuple[int, int, str] | None:
         """Return robot, step and name of the user's code that is running, for another thread; None if none is."""
         robot, sensor = int(self._swarm.scene["serving"][0]), int(self._swarm.scene["sensing"][0])

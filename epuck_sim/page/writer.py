@@ -25,6 +25,7 @@ from epuck_sim.page.settings import Setting, Value
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, robots_like
 from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.scenario import Scenario, ScenarioLike
 from epuck_sim.statistics.statistic import student_quantile
 from epuck_sim.util.builtin import ARENAS, builtin_files
 
@@ -64,23 +65,35 @@ def write_page(
     write_html(path, lambda: make_page(load_scenario(scenario, settings, controller=controller), given))
 
 
-class Shown:
-    """A page in a notebook: it shows itself there, in a frame of its own."""
+class Page:
+    """A page in a notebook: it shows itself there, in a frame of its own.
 
-    def __init__(self, scenario: EmbodiedScenario | ParticleScenario, seed: int) -> None:
-        """Make the page of a scenario, with another seed; it has commands if this is a shipped scenario."""
-        name, given = scenario.name, scenario.model_copy(update={"seed": seed})
-        is_shipped = name in builtin_files(ARENAS) and load_scenario(name, [f"seed={seed}"]) == given
-        self.html = make_page(given, name * is_shipped)
+    >>> from epuck_sim import Page
+    >>> page = Page("thesis", seed=3)
+    """
+
+    def __init__(self, scenario: ScenarioLike, seed: int | None = None) -> None:
+        """Make the page of a scenario, with another seed; it has commands if this is a shipped scenario.
+
+        Args:
+            scenario: A scenario, such as a simulation's, or what `load_scenario` takes.
+            seed: Seed of the page's first trial; the scenario's by default.
+
+        Raises:
+            ScenarioError: The scenario is not allowed, or cannot be a page; the message names the key.
+        """
+        given = load_scenario(scenario, [] if seed is None else [f"seed={seed}"])
+        is_shipped = given.name in builtin_files(ARENAS) and load_scenario(given.name, [f"seed={given.seed}"]) == given
+        self.html = make_page(given, given.name * is_shipped)
 
     def _repr_html_(self) -> str:
         frame = 'width="100%" height="900" style="border: 0" sandbox="allow-scripts allow-downloads"'
         return f'<iframe title="swarm" {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 
-def make_page(scenario: EmbodiedScenario | ParticleScenario, given: str) -> str:
+def make_page(scenario: Scenario, given: str) -> str:
     """Return the page of a scenario; `given` is the text that commands take for it; "" if there is none."""
-    if scenario.model not in LINES:
+    if not isinstance(scenario, EmbodiedScenario | ParticleScenario):
         raise ScenarioError(f"{scenario.name}: model: pages run {' and '.join(LINES)} alone; use `epuck-sim run`")
     model: Model = scenario.model
     data = page_data(scenario, given)

@@ -346,16 +346,6 @@ class ParticleSimulation:
         swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, swarm.scene.now)
         forget_earliest(swarm)
 
-    def page(self) -> Any:
-        """Return the scenario, with this seed, as a page that notebooks show; `epuck-sim page` writes one to a file.
-
-        Raises:
-            ScenarioError: The scenario cannot be a page.
-        """
-        from epuck_sim.page.writer import Shown  # noqa: PLC0415 is for notebooks alone
-
-        return Shown(self.scenario, self.seed)
-
     @property
     def time_s(self) -> float:
         """Simulated time in s."""

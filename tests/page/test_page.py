@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import yaml
 
-from epuck_sim import ParticleSimulation, ScenarioError, Simulation, load_scenario, run_trial
+from epuck_sim import ScenarioError, load_scenario, run_trial
 from epuck_sim.page import build, roots
 from epuck_sim.page.roots import ANEW, is_fresh, meanings, own_roots, read_module
-from epuck_sim.page.writer import make_page, page_data, write_page
+from epuck_sim.page.writer import Page, make_page, page_data, write_page
 from epuck_sim.statistics.statistic import Measured, estimate_mean
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.seeds import trial_seed
@@ -166,12 +166,12 @@ def test_commands_write_a_page_and_say_where_or_open_it_and_notebooks_show_it(mo
     paths = [Path(call("play", name).stdout.strip()) for name in ("particles", "pair")]
     assert opened == [paths[0].as_uri()] * 2
     assert "epuck-sim page pair" in paths[0].read_text()
-    changed = Simulation(load_scenario("thesis", ["robots.0.count=5"]), seed=5)
-    for simulation in (ParticleSimulation("particles", seed=5), Simulation("thesis", seed=5), changed):
-        shown = simulation.page()._repr_html_()
+    changed = load_scenario("thesis", ["robots.0.count=5"])
+    for scenario in ("particles", "thesis", changed):
+        shown = Page(scenario, seed=5)._repr_html_()
         assert shown.startswith("<iframe")
         assert 'sandbox="allow-scripts' in shown
-        assert ("<pre hidden" in unescape(shown)) == (simulation is changed)  # its name would give another trial
+        assert ("<pre hidden" in unescape(shown)) == (scenario is changed)  # its name would give another trial
 
 
 @needs_browser
