@@ -417,9 +417,10 @@ def comparison_tables(compared: Sequence[Comparison]) -> list[Table]:
                 cells |= dict(zip(("censored_a", "censored_b"), map(Share, point.censored), strict=True))
             others = ("first", "second", "difference", "ratio", "p_value", "p_holm")
             rows.append(Row({**pair, **point.axes}, cells | {name: getattr(point, name) for name in others}))
-    notes = [*_notes(compared, headings), *([_over_all(first, headings)] if is_one else [])]
-    table = Table(title, rows, list(filter(None, notes)), headings)
-    if is_one or max(each.compared for each in compared) < 2:
+    is_of_one_point = max(each.compared for each in compared) < 2  # whose row says all
+    notes = [*_notes(compared, headings), *([_over_all(first, headings)] if is_one and not is_of_one_point else [])]
+    table = Table(title, rows, notes, headings)
+    if is_one or is_of_one_point:
         return [table]
     found = list(zip(pairs, compared, strict=True))
     tested = list(dict.fromkeys(each.tested for each in compared))
@@ -455,8 +456,6 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
 
 
 def _over_all(each: Comparison, headings: Mapping[str, str]) -> str:
-    if each.compared < 2:
-        return ""  # its row says all
     mean = "geometric mean" if each.tested == "ratio" else "mean"
     found = f"{headings[each.tested]} = {getattr(each, each.tested)}, the {mean} of {counted(each.averaged, 'point')}; "
     equals = "" if isinstance(each.p_value, AtMost) else "= "

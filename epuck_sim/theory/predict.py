@@ -120,7 +120,7 @@ def predictor(scenario: Scenario) -> Callable[[float], Prediction]:
     """Return the prediction as a function of the speed, cm/s: a swarm's graph and chains serve for all speeds."""
     response, threshold, jitter = _oscillators(scenario)
     agents, period_s = scenario.population, scenario.scales["tau"]
-    snapshots = take_snapshots(scenario, max(20, min(SNAPSHOTS, CELLS // agents**2)))
+    snapshots = take_snapshots(scenario, min(SNAPSHOTS, CELLS // agents**2))
     graph, pair = measure_graphs(snapshots), measure_pair(response, threshold)
     slower = [find_limit(response, threshold, snapshots, hold, jitter) for hold in HOLDS]
     fast = find_limit(response, threshold, snapshots, 0.0, jitter, IN_LIMITS)

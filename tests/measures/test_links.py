@@ -2,6 +2,7 @@
 
 from functools import partial
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from epuck_sim import Simulation, load_scenario, run_trial
 from epuck_sim.embodied.observers import find_sightings, make_scene
-from epuck_sim.measures.consensus import STREAM
+from epuck_sim.measures.consensus import STREAM, Consensus
 from epuck_sim.measures.links import component_sizes, degrees
 from tests.measures.test_shipped import AGENTS, CYCLES, ROBOTS, at_cycles, run
 from tests.particles.naive_model import receivers_of
@@ -212,6 +213,25 @@ def test_consensus_is_when_one_word_is_left_and_nobody_agrees_who_hears_nobody()
     alone["neighbourhood"] = {"kind": "cone_of_vision", "angle_deg": 1, "radius_cm": 0.001}
     _, agreed = run("consensus", **alone)
     assert agreed is None
+
+
+@pytest.mark.parametrize(("step", "cycles"), [(1, 4), (2, 5)])
+def test_a_flash_tells_each_that_sees_it_one_word_once_and_a_new_cycle_may_begin_in_the_last_step(step, cycles) -> None:
+    talk = Consensus(SimpleNamespace(scenario=SimpleNamespace(population=3), seed=0))
+
+    def look(is_lit: list[bool], *sightings: tuple[int, int, int], cycles: int) -> None:
+        rings = np.array([[each, False, False] for each in is_lit])
+        talk.stretch(SimpleNamespace(ring_before=rings, sightings=np.array(sightings)), SimpleNamespace(cycles=cycles))
+
+    look([False, True], (1, 1, 0), cycles=3)  # step, who sees, whom
+    look([True, False, True], (0, 1, 0), (0, 2, 0), cycles=4)  # the same flash, and another that nobody sees
+    assert talk.knows == [{0}, {0, 1}, {0, 2}]
+    look([False, True, True], (step, 1, 0), (step, 2, 0), cycles=5)
+    assert (talk.knows, talk.value()) == ([{0}] * 3, cycles)
+    talk.knows[0] = {*range(3, 13)}
+    talk.simulation.pulse_links = lambda: [(0, 1, 0), (0, 2, 0)]
+    talk.event(SimpleNamespace(fired=[0]), SimpleNamespace(cycles=6))
+    assert talk.knows[1] == talk.knows[2] != {0}
 
 
 PERIOD_S = 5.0

@@ -112,9 +112,10 @@ def test_the_log_rank_test_is_lifelines(seed: int, mean: float) -> None:
     for each in (100, mean):
         times, limits = np.ceil(each * random.exponential(1, 30)), random.integers(1, 200, 30)
         samples.append(measured(np.minimum(times, limits), times <= limits))
-    pair = pair_up(*samples)
-    theirs = logrank_test(pair.first.values, pair.second.values, pair.first.observed, pair.second.observed)
-    assert comparison.log_rank([comparison.log_rank_parts(pair)]) == pytest.approx(theirs.p_value, rel=1e-6)
+    with_last_alone = measured([1, 2, 3, 4], limit=99), measured([2, 3, 7, 9], [True, False, True, True], 99)
+    for pair in (pair_up(*samples), pair_up(*with_last_alone)):
+        theirs = logrank_test(pair.first.values, pair.second.values, pair.first.observed, pair.second.observed)
+        assert comparison.log_rank([comparison.log_rank_parts(pair)]) == pytest.approx(theirs.p_value, rel=1e-6)
 
 
 def log_ratio(x, y, axis):
@@ -149,7 +150,9 @@ def test_what_is_permuted_is_the_contrast_over_its_error(first, second) -> None:
 
 def test_many_trials_are_permuted_by_the_numbers_of_their_values_to_the_same_distribution(monkeypatch) -> None:
     pair = pair_up(measured([1, 2, 2, 3] * 20), measured([1, 1, 3, 4] * 15))
+    monkeypatch.setattr(comparison, "_BLOCK_SIZE", 100_000)
     usual = permuted(pair, 0, of_logarithms=True, count=4000)
+    assert len(usual) == 4001
     monkeypatch.setattr(survival, "_MANY_TRIALS", 0)
     assert 0.01 < stats.ks_2samp(permuted(pair, 0, of_logarithms=True, count=4000)[1:], usual[1:]).pvalue < 1
 
@@ -237,8 +240,9 @@ def test_the_mean_of_differences_of_shares_has_every_point_and_of_one_is_that_on
     both = compared(shares(4, 3), shares(0, 1))
     assert (both.difference.value, both.averaged) == (pytest.approx(-0.6), 2)
     assert both.difference.low > -1
-    alone = compared(shares(4), shares(0))
+    alone = compared(shares(0), shares(4))
     assert alone.difference == alone.points[0].difference
+    assert math.isnan(alone.points[0].ratio.value)
 
 
 def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() -> None:
@@ -246,7 +250,9 @@ def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() ->
         return ended([5000] * 20, [False] * 20) if point.axes[SPEED] == 1 else ended(range(40, 60))
 
     first, second = (in_memory(sweep({SPEED: [1, 2]}), law) for law in (slow, lambda _: ended(range(20, 40))))
-    (table,) = comparison_tables([compared(first, second)])
+    found = compared(first, second)
+    assert found.ratio.ends == pytest.approx(found.points[1].ratio.ends)
+    (table,) = comparison_tables([found])
     assert any(note.startswith("p alone: 1 point, where") for note in table.notes)
     assert "the geometric mean of 1 point; p <= 0.0002" in table.notes[-1]
 

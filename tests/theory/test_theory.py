@@ -215,6 +215,11 @@ def test_points_that_differ_in_speed_alone_share_what_does_not_depend_on_it() ->
     assert still.graph is slow.graph is fast.graph
     assert slow.link_cycles == pytest.approx(30 * fast.link_cycles)
     assert slow.t_sync.value > fast.t_sync.value
+    assert still.notes == ()
+    # a link is gone when agents have moved ten times as far as until a tenth of the links is others
+    alone = load_scenario("particles", ["agents.count=6"])
+    (changed,) = changed_links(alone, [slow.link_cm / 10 / alone.clocks.period_s], 60)
+    assert changed == pytest.approx(2 * 0.1 / 1.1, abs=0.02)
 
 
 def test_the_command_prints_a_table_an_object_or_a_row_a_point() -> None:
@@ -227,7 +232,8 @@ def test_the_command_prints_a_table_an_object_or_a_row_a_point() -> None:
     assert printed["graph"]["links"]["value"] == 1
     rows = read(*words, "--sweep", "speed_cm_s=1,30")["points"]
     assert [row["axes"] for row in rows] == [{"agents.speed_cm_s": 1}, {"agents.speed_cm_s": 30}]
-    assert len(called(*words, "--sweep", "speed_cm_s=1,30", "--csv").splitlines()) == 3
+    header, *lines = csv.reader(called(*words, "--sweep", "speed_cm_s=1,30", "--csv").splitlines())
+    assert (len(lines), "" in header) == (2, False)
     lines = list(csv.reader(called(*words, "--csv").splitlines()))
     assert {tuple(line[2:]) for line in lines if line[0] == "link lasts"} == {("", "", "cm"), ("", "", "cycles")}
     assert {len(line) for line in lines} == {5}
