@@ -111,7 +111,7 @@ def trials_for_shares(shares: Sequence[float], difference: float, power: float =
     a test with the correction for continuity, and nearly that for an exact or a permutation test (Casagrande, Pike,
     Smith 1978); with several points, the test is of their mean difference.
 
-    >>> trials_for_shares([0.5], 0.2), trials_for_shares([0.5], 0.6)
+    >>> trials_for_shares([0.3], 0.2), trials_for_shares([0.5], 0.6)
     (103, None)
     """
     found = [

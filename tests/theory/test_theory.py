@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_trial
 from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response
+from epuck_sim.theory import snapshots
 from epuck_sim.theory.chains import Limit, find_limit, find_rise, judge, measure_pair, time_at
 from epuck_sim.theory.predict import predict, predict_points
 from epuck_sim.theory.snapshots import changed_links, count_components, measure_graphs, take_snapshots
@@ -83,6 +84,9 @@ def test_the_faster_swarms_move_the_more_links_change_and_the_fewest_where_they_
     swarms = (load_scenario("thesis", [*wide, f"robots=[{{count: 20}}{more}]"]) for more in ("", ABSENT))
     there, and_others = (changed_links(swarm, [1.0], 20)[0] for swarm in swarms)
     assert and_others == pytest.approx(there, rel=0.2)
+    pair, poses = load_scenario("thesis", [*wide, "robots=[{count: 2}]"]), [[[119, 50, 0], [2, 118, 3 * math.pi / 4]]]
+    turned = snapshots._moved(pair, np.array(poses), math.sqrt(32))  # one beyond a wall, one beyond two
+    assert turned == pytest.approx(np.array([[[121 - math.sqrt(32), 50, math.pi], [2, 118, -math.pi / 4]]]))
 
 
 def simulated(settings: list[str], trials: int) -> tuple[float, float]:
@@ -113,6 +117,7 @@ def test_links_that_stay_are_those_of_agents_that_stand_and_what_none_joins_neve
     snapshots = take_snapshots(load_scenario("particles", settings), 10)
     found = find_limit(MULTIPLICATIVE, THRESHOLD, snapshots, math.inf, chains=200)
     assert found.cycles.value == pytest.approx(mean, abs=3 * math.hypot(error, found.cycles.value / 30))
+    assert found.cycles.high - found.cycles.value == pytest.approx(1.96 * error * math.sqrt(150 / 200), rel=0.25)
     apart = np.zeros((1, 3, 3), np.bool_)
     apart[0, 0, 1] = True
     found = find_limit(MULTIPLICATIVE, THRESHOLD, apart, math.inf, chains=2)
