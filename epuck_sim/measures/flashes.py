@@ -119,12 +119,10 @@ class _Suspicion(Shipped):
         steps, views = len(stretch.poses), stretch.views
         faults = np.tile(self._faults, (steps, 1))
         for event in self.simulation.events[self._events :]:
-            if event.step >= stretch.first + steps:
-                break
-            self._events += 1
             kind, _, change = event.what.partition(" ")
             if kind in FLASHLESS:
-                faults[max(event.step - stretch.first, 0) :, list(event.robots)] += 1 if change == "begins" else -1
+                faults[event.step - stretch.first :, list(event.robots)] += 1 if change == "begins" else -1
+        self._events = len(self.simulation.events)
         states = self._dark_s, self._suspects, self._silent, self._found
         seen = views, rows_of_steps(views, stretch), stretch.ring_before, faults
         self._alarms += watch(*states, self.cycles * self._period_s, self._step_s, *seen, stretch.first)

@@ -165,10 +165,9 @@ def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
 
 def _decisive(answer: Answer) -> list[Finding]:
     """Return the tests that decide a claim: those contradicted, or else those undecided, or else those that hold."""
-    for verdict in (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.HOLDS):
-        if found := [judged for judged in answer.checks if judged.verdict == verdict]:
-            return found
-    return []
+    order = (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.HOLDS)
+    decides = min((judged.verdict for judged in answer.checks), key=order.index)
+    return [judged for judged in answer.checks if judged.verdict == decides]
 
 
 def _found(judged: Finding) -> str:

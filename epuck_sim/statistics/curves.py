@@ -209,7 +209,7 @@ def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
     if not len(series):
         raise ValueError("series has none; allowed: one or more")
     lengths = np.array([len(each) for each in series], np.int64)
-    cycles = np.arange(1, lengths.max(initial=0) + 1)
+    cycles = np.arange(1, lengths.max() + 1)
     values = np.full((len(series), len(cycles)), np.nan)
     for row, each in zip(values, series, strict=True):
         row[: len(each)] = each
@@ -244,7 +244,7 @@ def _medians(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> F
 def _median_ranks(count: int) -> tuple[int, int, int, int]:
     """Return the ranks, from 0, of the two values between which the median lies, and of its interval's ends."""
     if count < MIN_TRIALS:
-        return max(count - 1, 0) // 2, count // 2 if count else 0, 0, 0
+        return max(count - 1, 0) // 2, count // 2, 0, 0
     _, low, high = median_time(np.arange(count), np.ones(count, np.bool_))
     return (count - 1) // 2, count // 2, int(low), int(min(high, count - 1))
 

@@ -55,7 +55,7 @@ def measure_pair(response: Response, threshold: float) -> Pair:
     offsets = np.array([SMALL, 1 - SMALL])
     lead, lag = np.abs(offsets + phase_shift(response, offsets) - [0, 1]).tolist()
     square = (lead**2 + lag**2) / (2 * SMALL**2)  # 1 - r of two is proportional to the square of their distance
-    near = math.acos(min(threshold, 1.0)) / math.pi
+    near = math.acos(threshold) / math.pi
     phases, firings = GRID.copy(), np.ones(len(GRID))
     for _ in range(MOST_FIRINGS):
         apart = (phases > near) & (phases < 1 - near)
