@@ -72,7 +72,7 @@ def test_what_there_is_not_is_none_what_stays_is_the_same_and_what_a_sweep_s_poi
         *((measure, still, None) for measure in ("link_life", "spanning_time")),
         ("degree", crowd, [39.0] * CYCLES),
         ("velocity_correlation_time", {**AGENTS, "space": {"side_cm": 1e6}}, None),
-        *((measure, at_once, None) for measure in ("coverage", "near_walls", "mean_speed")),
+        *((measure, at_once, None) for measure in ("coverage", "near_walls", "mean_speed", "memory")),
         ("density", at_once, []),
     ]:
         assert run(measure, **sections)[1] == value

@@ -169,6 +169,12 @@ def test_groups_have_kinds_of_their_own_or_that_of_all_and_the_sensors_of_their_
     assert list(bare.robots[0].sensors) == []
 
 
+def test_scales_are_of_the_first_group_all_robots_and_the_area() -> None:
+    groups = [{"count": 2, "parameters": {"coupling": 0.2, "period_s": 4}}, {"count": 3}]
+    scenario = load_scenario({"arena": {"width_cm": 160, "height_cm": 40}, "robots": groups})
+    assert scenario.scales == {"epsilon": 0.2, "L": 80, "N": 5, "tau": 4}
+
+
 def test_a_swept_kind_has_the_values_of_its_own_and_numbers_of_resamples_without_the_section_stay() -> None:
     given = {"robots": RADIO, "timing": {"physics_hz": 200}}
     kinds = ["epuck", "kilobot", {"kind": "kilobot", "radius_cm": 2}, {"wheel_limit_cm_s": 20}]

@@ -176,7 +176,6 @@ def test_swarms_have_the_regime_that_trials_find_and_where_they_find_it() -> Non
         assert found.intermediate_regime.verdict == verdict
         if v_p is not None:
             assert v_p / 3 < found.v_p_cm_s.value < v_p * 3
-        assert found.reason
 
 
 def test_a_users_curve_is_taken_as_it_is_and_speeds_are_in_lengths_a_period(tmp_path) -> None:
@@ -230,7 +229,6 @@ def test_points_that_differ_in_speed_alone_share_what_does_not_depend_on_it() ->
 def test_the_command_prints_a_table_an_object_or_a_row_a_point() -> None:
     words = ("predict", "particles", "--set", "count=6")
     told = called(*words)
-    assert "intermediate regime" in told
     assert "V_p, peak of T_sync" in told
     printed = read(*words)
     assert printed["intermediate_regime"].keys() == {"verdict", "probability"}
