@@ -40,7 +40,7 @@ class Measured(NamedTuple):
     @property
     def censored(self) -> float:
         """Share of the trials that is censored."""
-        return 1 - float(self.observed.mean()) if len(self.observed) else 0.0
+        return float((~self.observed).mean()) if len(self.observed) else 0.0
 
     @property
     def is_positive(self) -> bool:
