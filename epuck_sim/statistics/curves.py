@@ -135,7 +135,7 @@ def estimate_curve(
 class SeriesStatistics(NamedTuple):
     """Statistics of several series at each of C cycles, or other items (`over`); NaN where there are none."""
 
-    cycles: IntArray  # (C,) cycles, from 1
+    cycles: IntArray  # (C,) cycles, from 1; other items count from 0, as robots do everywhere
     trials: IntArray  # (C,) number of trials that reach the cycle
     known: IntArray  # (C,) number of these whose value is determined; the statistics are of them
     mean: FloatArray  # (C, 3) mean, and the ends of its 95 % interval
@@ -166,15 +166,16 @@ MOST = 20  # number of first items that tables show of series that are not over 
 def series_table(title: str, points: Sequence[PointSeries]) -> Table:
     """Return a table of the series at each point, at some of the cycles: 1, 2 and 5 of each decade, and the last."""
     over, rows = points[0].statistics.over, []
-    for axes, (cycles, _, known, means, medians, _) in points:
+    for axes, (cycles, trials, known, means, medians, _) in points:
         last = len(cycles)
         shown = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
         shown |= set() if over == "cycle" else set(range(1, MOST + 1))
         for at in sorted(cycle - 1 for cycle in shown if 0 < cycle <= last):
             mean, median = (Estimate(*each[at].tolist()) for each in (means, medians))
-            rows.append(Row({**axes, over: at + 1}, {"trials": int(known[at]), "mean": mean, "median": median}))
+            cells = {"trials": int(trials[at]), "known": int(known[at]), "mean": mean, "median": median}
+            rows.append(Row({**axes, over: int(cycles[at])}, cells))
     notes = [f"Trials: those that reach the {over} and have a value there."]
-    return Table(f"{title} at {over}s, with 95 % intervals", rows, notes)
+    return Table(f"{title} at {over}s, with 95 % intervals", rows, notes, {"trials": "", "known": "trials"})
 
 
 def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
@@ -188,7 +189,7 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
         series = [np.array(value if isinstance(value, list) else [value], float) for value in known]
         if any(map(len, series)):
             over = known_as.over if (known_as := measure_of(point)) else "cycle"
-            found.append(PointSeries(point.axes, series_statistics(series)._replace(over=over)))
+            found.append(PointSeries(point.axes, series_statistics(series, over)))
     if not found:
         raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
     return found
@@ -199,7 +200,7 @@ def has_series(point: PointTrials) -> bool:
     return any(isinstance(value, list) for value in point.measured)
 
 
-def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
+def series_statistics(series: Sequence[FloatArray], over: str = "cycle") -> SeriesStatistics:
     """Return the statistics of several series, of any lengths, at each cycle; truth values count as 1 and 0.
 
     The mean's interval is Student's, of the logarithm where all values are positive; the median's has order statistics
@@ -209,7 +210,7 @@ def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
     if not len(series):
         raise ValueError("series has none; allowed: one or more")
     lengths = np.array([len(each) for each in series], np.int64)
-    cycles = np.arange(1, lengths.max() + 1)
+    cycles = np.arange(lengths.max()) + (over == "cycle")
     values = np.full((len(series), len(cycles)), np.nan)
     for row, each in zip(values, series, strict=True):
         row[: len(each)] = each
@@ -217,7 +218,8 @@ def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
     known = np.count_nonzero(~np.isnan(values), axis=0)
     has_interval = (known >= MIN_TRIALS) & (_row(ordered, np.maximum(known - 1, 0)) > ordered[0])
     mean, median = _means(ordered, known, has_interval), _medians(ordered, known, has_interval)
-    return SeriesStatistics(cycles, np.count_nonzero(lengths[:, None] >= cycles, axis=0), known, mean, median)
+    reached = np.count_nonzero(lengths[:, None] > np.arange(len(cycles)), axis=0)
+    return SeriesStatistics(cycles, reached, known, mean, median, over)
 
 
 def _means(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> FloatArray:

@@ -193,8 +193,9 @@ def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp
     assert [each.statistics.trials.tolist() for each in found] == [[2, 1], [1]]
     scenario = sweep({SPEED: [1]}, measures=["threshold_cycles"])
     folder = made_folders.store_measured(tmp_path / "over", scenario, lambda _: [[2, None, None, None, None]])
-    row = series_table("", summarize_series(read_points(folder, "threshold_cycles"))).rows[0]
-    assert (row.axes["threshold"], row.cells["trials"], found[0].statistics.over) == (1, 1, "cycle")
+    table = series_table("", summarize_series(read_points(folder, "threshold_cycles")))
+    assert (table.rows[0].axes["threshold"], table.rows[0].cells["known"], found[0].statistics.over) == (0, 1, "cycle")
+    assert table.to_csv().startswith(f"{SPEED},threshold,trials,known,mean,")
     scenario = sweep({SPEED: [1]}, measures=["near_walls"])
     folder = made_folders.store_measured(tmp_path / "other", scenario, lambda _: [0.5, 0.25])
     with pytest.raises(StoreError, match="near_walls is no series"):
