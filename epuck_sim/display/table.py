@@ -5,6 +5,7 @@ Cells are estimates, numbers, shares, texts, or None where there is nothing to s
 
 import csv
 import io
+import json
 import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -163,24 +164,22 @@ def plain(value: Any) -> Any:
 def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     """Return a table as CSV."""
     written = io.StringIO()
-    writer = csv.writer(written, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
+    csv.writer(written, lineterminator="\n").writerows([columns, *rows])
     return written.getvalue()
 
 
 def csv_cell(value: Any, digits: int = CSV_DIGITS) -> Any:
-    """Return a number with the digits of CSV, empty text if it is not finite; anything else as it is.
+    """Return a number with the digits of CSV, empty text if it is not finite; text as it is; anything else as JSON.
 
-    >>> csv_cell(1234.56789), csv_cell(1234567), csv_cell(float("nan")), csv_cell("mean")
-    ('1234.57', 1234567, '', 'mean')
+    >>> csv_cell(1234.56789), csv_cell(1234567), csv_cell(float("nan")), csv_cell("mean"), csv_cell({"k": True})
+    ('1234.57', 1234567, '', 'mean', '{"k": true}')
     """
-    if value is None or isinstance(value, str | Integral | list | dict):
+    if isinstance(value, bool | list | dict):
+        return json.dumps(value)
+    if value is None or isinstance(value, str | Integral):
         return value
-    if not math.isfinite(value):
-        return ""
     same = float(f"{value:.{max(digits, 13)}g}")  # sums differ in their last digits from one machine to another
-    return f"{same:.{digits}g}"
+    return f"{same:.{digits}g}" if math.isfinite(value) else ""
 
 
 def _columns(table: Table) -> list[_Column]:

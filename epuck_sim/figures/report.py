@@ -16,6 +16,7 @@ from epuck_sim.runs.reader import PointTrials, Status, read_points, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.statistics.curves import has_series
 from epuck_sim.statistics.statistic import summarize
+from epuck_sim.util.messages import in_yaml
 from epuck_sim.util.provenance import PROVENANCE
 
 FORMS = ("curves", "map", "violins")  # forms in which T_sync and a measure of one value are drawn, where they fit
@@ -119,7 +120,8 @@ def _facts(folder: Path | str, status: Status, points: Sequence[PointTrials]) ->
     yield "trials", ", ".join(trials)
     yield "points", str(status.points)
     for key in points[0].axes:
-        values = list(dict.fromkeys(str(point.axes[key]) for point in points))
+        found = [point.axes[key] for point in points]
+        values = list(dict.fromkeys(value if isinstance(value, str) else in_yaml(value) for value in found))
         more = [f"and {len(values) - MOST_VALUES} more"] * (len(values) > MOST_VALUES)
         label = axis_label(key, own=group_labels(points[0].scenario))
         yield key if label == key else f"{label}, {key}", ", ".join([*values[:MOST_VALUES], *more])

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from epuck_sim.display.table import Row, csv_cell, csv_text
+from epuck_sim.display.table import AXIS_DIGITS, CSV_DIGITS, Row, csv_cell, csv_text
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
@@ -116,12 +116,12 @@ def _render(figure: Figure, target: Any, kind: str, metadata: Any) -> None:
 
 
 def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> str:
-    """Return groups as CSV; each has axis values, by key, and columns of equal length, by heading."""
+    """Return groups as CSV; each has axis values, by key, and columns of equal length, by heading; axes are dotted."""
     every = list(groups)
-    rows = (
-        [*axes.values(), *map(csv_cell, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)
-    )
-    return csv_text((*every[0][0], *every[0][1]), rows)
+    headings = (*every[0][0], *every[0][1])
+    digits = [AXIS_DIGITS if "." in heading else CSV_DIGITS for heading in headings]
+    rows = ([*axes.values(), *row] for axes, columns in every for row in zip(*columns.values(), strict=True))
+    return csv_text(headings, (map(csv_cell, row, digits) for row in rows))
 
 
 def tabulate_rows(rows: Sequence[Row]) -> str:

@@ -74,7 +74,7 @@ def _axis(values: list[Any]) -> Any:
     """Return a column of axis values; if some are numbers and some text, all become text."""
     kinds = {str if isinstance(value, str) else type(value) for value in values if value is not None}
     if len(kinds) > 1 and kinds != {int, float}:
-        values = [None if value is None else str(value) for value in values]
+        values = [value if value is None or isinstance(value, str) else json.dumps(value) for value in values]
     return pa.array(values)
 
 

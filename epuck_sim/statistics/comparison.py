@@ -37,7 +37,7 @@ from epuck_sim.statistics.statistic import (
     student_estimate,
 )
 from epuck_sim.statistics.survival import are_drawn_by_kind
-from epuck_sim.util.messages import comma_list, counted
+from epuck_sim.util.messages import comma_list, counted, in_yaml
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
 _BLOCK_SIZE = 2_000_000  # trials that are permuted at once
@@ -292,7 +292,7 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
         group = [points[place] for place in places if len(points[place].times)]
         found = {canonical_text({key: point.axes[key]}): point for point in group}
         matches.append((axes, [found.get(text) for text in texts]))
-    return Samples([f"{key} = {value}" for value in values], matches)
+    return Samples([f"{key} = {value if isinstance(value, str) else in_yaml(value)}" for value in values], matches)
 
 
 def compare(samples: Samples, *, with_first: bool = False) -> list[Comparison]:

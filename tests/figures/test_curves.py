@@ -294,10 +294,11 @@ def test_tables_have_the_numbers_of_the_curves_and_their_extrema_or_say_why_ther
     (row,) = written(form_of([curve_of(BUMPY.values[:5])]).tables["-regimes.csv"])
     assert [*row.values()] == [*[""] * 13, "5 speeds; a minimum and a peak need 6"]
     assert [*form_of([curve_of(BUMPY.values, x=np.arange(13) + 2)], COUNT).tables] == [".csv"]
-    axes = {"noise": 'a "quoted", name', "arena.obstacles": [], "stop.max_time_s": None, COUNT: 10}
-    for table in form_of([curve_of([3, 2], axes=axes)]).tables.values():
+    axes = {"noise": 'a "quoted", name', "arena.floor": {"picture": True}, "stop.max_time_s": None, COUNT: 10}
+    for table in form_of([curve_of([3, 2], x=np.array([1.23456789, 2]), axes=axes)]).tables.values():
         row = written(table)[0]
-        assert {key: row[key] for key in axes} == {key: "" if v is None else str(v) for key, v in axes.items()}
+        assert [*map(row.get, axes)] == ['a "quoted", name', '{"picture": true}', "", "10"]
+        assert row.get(SPEED, "1.23456789") == "1.23456789"
 
 
 def test_more_curves_than_can_be_drawn_are_refused(monkeypatch) -> None:

@@ -101,8 +101,10 @@ def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_
         assert said in words
     assert re.findall(r'(?:src|href)="(?!#|data:)|<script|<style(?! *>\n:root)', html) == []
     assert '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; ' in html
-    store(tmp_path / "words", sweep({"noise": ["on", "off"]}, trials=2), lambda p: weibull(p, 50))
-    assert figures_of(make_page(tmp_path / "words")) == ["curves-T_sync", "violins-T_sync"]
+    store(tmp_path / "words", sweep({"noise": ["off", {"wheel_speed": 0.5}]}, trials=2), lambda p: weibull(p, 50))
+    page = make_page(tmp_path / "words")
+    assert figures_of(page) == ["curves-T_sync", "violins-T_sync"]
+    assert "off, {wheel_speed: 0.5}" in " ".join(Page(page).text)
 
 
 def test_names_and_messages_stay_text(tmp_path, monkeypatch) -> None:

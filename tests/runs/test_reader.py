@@ -273,7 +273,7 @@ def test_columns_are_there_without_a_result_and_values_under_their_own_keys_howe
         ("stop.max_time_s", [None], [None]),
         ("stop.metric", ["complex", "reference"], ["complex", "reference"]),
         ("noise", ["off", {"wheel_speed": 0.5}], ["off", '{"wheel_speed": 0.5}']),
-        ("noise", [False, {"wheel_speed": 0.5}], ["False", '{"wheel_speed": 0.5}']),
+        ("noise", [False, {"wheel_speed": 0.5}], ["false", '{"wheel_speed": 0.5}']),
         ("robots.0.camera.range_cm", [7, None, 8.5], [7.0, None, 8.5]),
         ("arena.obstacles", [[]], ["[]"]),
     ],
