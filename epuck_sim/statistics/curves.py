@@ -27,6 +27,7 @@ from epuck_sim.statistics.statistic import (
     estimate,
     measure,
     measure_of,
+    measure_unit,
     resample,
     statistic_name,
 )
@@ -146,8 +147,10 @@ class SeriesStatistics(NamedTuple):
 class PointSeries(NamedTuple):
     """A measure's series at one point of a sweep."""
 
+    point: int
     axes: dict[str, Any]
     statistics: SeriesStatistics
+    unit: str  # unit of the statistics; empty if they have none
 
     def record(self) -> dict[str, Any]:
         """Return the statistics as JSON holds them: a list with a value for each cycle."""
@@ -156,7 +159,8 @@ class PointSeries(NamedTuple):
         for name in ("mean", "median"):
             ends = (name, f"{name}_low", f"{name}_high")
             found |= dict(zip(ends, getattr(self.statistics, name).T, strict=True))
-        return {"axes": self.axes, **{name: plain(values.tolist()) for name, values in found.items()}}
+        series = {name: plain(values.tolist()) for name, values in found.items()}
+        return {"point": self.point, "axes": self.axes, "unit": self.unit, **series}
 
 
 STEPS = (1, 2, 5)  # cycles of each decade that tables show, besides the last one
@@ -166,13 +170,13 @@ MOST = 20  # number of first items that tables show of series that are not over 
 def series_table(title: str, points: Sequence[PointSeries]) -> Table:
     """Return a table of the series at each point, at some of the cycles: 1, 2 and 5 of each decade, and the last."""
     over, rows = points[0].statistics.over, []
-    for axes, (cycles, trials, known, means, medians, _) in points:
+    for point, axes, (cycles, trials, known, means, medians, _), _ in points:
         last = len(cycles)
         shown = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
         shown |= set() if over == "cycle" else set(range(1, MOST + 1))
         for at in sorted(cycle - 1 for cycle in shown if 0 < cycle <= last):
             mean, median = (Estimate(*each[at].tolist()) for each in (means, medians))
-            cells = {"trials": int(trials[at]), "known": int(known[at]), "mean": mean, "median": median}
+            cells = {"point": point, "trials": int(trials[at]), "known": int(known[at]), "mean": mean, "median": median}
             rows.append(Row({**axes, over: int(cycles[at])}, cells))
     notes = [f"Trials: those that reach the {over} and have a value there."]
     return Table(f"{title} at {over}s, with 95 % intervals", rows, notes, {"trials": "", "known": "trials"})
@@ -189,7 +193,8 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
         series = [np.array(value if isinstance(value, list) else [value], float) for value in known]
         if any(map(len, series)):
             over = known_as.over if (known_as := measure_of(point)) else "cycle"
-            found.append(PointSeries(point.axes, series_statistics(series, over)))
+            statistics = series_statistics(series, over)
+            found.append(PointSeries(point.number, point.axes, statistics, measure_unit(point) or ""))
     if not found:
         raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
     return found

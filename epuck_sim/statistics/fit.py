@@ -301,14 +301,17 @@ def fit_tables(curves: Sequence[FittedCurve], laws: Sequence[Laws]) -> list[Tabl
     """Return the table of the minimum and the peak of each curve, and those of the laws."""
     has_v_f = any("V_f" in LAWS.get(curve.model, {}) for curve in curves)
     wanted = ["v_m", "t_m", "v_p", "t_p", "p_value", *["v_f"] * has_v_f]
-    rows = _rows(curves, [{name: curve.record()[name] for name in wanted} for curve in curves])
+    none = dict.fromkeys(wanted, UNDETERMINED) | {"p_value": None, "reason": ""}
+    rows = _rows(curves, [{name: curve.record()[name] or each for name, each in none.items()} for curve in curves])
     units = {"v": "cm/s", "t": "cycles"}
     headings = {name: f"{name.capitalize()} ({units[name[0]]})" for name in wanted if name != "p_value"}
     statistics = " or ".join(dict.fromkeys(name for curve in curves for name in curve.names))
     notes = [f"T_m and T_p: {statistics}. -: no minimum and peak that stand out from noise."]
     notes += _reasons(curves)
     notes += [f"V_f: from there on T_sync is less than {FAST_FACTOR:g} times that at the largest speed."] * has_v_f
-    extrema = Table("Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p"})
+    extrema = Table(
+        "Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p", "reason": ""}
+    )
     if any(each.exponents for each in laws):
         return [extrema, *_laws_tables(laws)]
     reasons = dict.fromkeys(each.reason for each in laws) or ["no curve has a local minimum and a peak"]
@@ -331,8 +334,9 @@ def _reasons(
 
 def _laws_tables(laws: Sequence[Laws]) -> Iterator[Table]:
     """Yield the table of the exponents of all groups of curves, and that of the laws of T_m and T_p with an offset."""
-    keys = list(dict.fromkeys(key for each in laws for key in each.axes))
-    groups = [({key: each.axes.get(key, "") for key in keys}, each) for each in laws if each.exponents]
+    fitted = [each for each in laws if each.exponents]
+    keys = list(dict.fromkeys(key for each in fitted for key in each.axes))
+    groups = [({key: each.axes.get(key, "") for key in keys}, each) for each in fitted]
     rows = [Row(axes, row._asdict()) for axes, each in groups for row in each.exponents]
     notes = [
         NOISE_ALONE,
@@ -387,13 +391,15 @@ def measure_fit_table(fits: Sequence[MeasureFit]) -> Table:
     """Return a table of the minimum and the peak of each curve."""
     texts = {"place": "{} at", "value": "{}", "p_value": "p of {}"}
     parts = [(f"{name}_{part}", name, part) for name in ("minimum", "peak") for part in texts]
+    none = {"place": UNDETERMINED, "value": UNDETERMINED}
     cells = [
-        {key: (found[name] or {}).get(part) for key, name, part in parts} for found in map(MeasureFit.record, fits)
+        {key: (found[name] or none).get(part) for key, name, part in parts} | {"reason": found["reason"]}
+        for found in map(MeasureFit.record, fits)
     ]
     of, axes = fits[0].of, " or ".join(dict.fromkeys(fit.axis for fit in fits))
     statistics = " or ".join(dict.fromkeys(fit.statistic for fit in fits))
     notes = [f"{of}: {statistics}. -: none between the ends of the axis that stands out from noise.", *_reasons(fits)]
-    headings = {key: texts[part].format(name) for key, name, part in parts}
+    headings = {key: texts[part].format(name) for key, name, part in parts} | {"reason": ""}
     return Table(f"Minimum and peak of {of} against {axes}, with 95 % intervals", _rows(fits, cells), notes, headings)
 
 

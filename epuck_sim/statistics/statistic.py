@@ -366,7 +366,8 @@ class PointSummary(NamedTuple):
 
     def record(self) -> dict[str, Any]:
         """Return the point as JSON holds it: each estimate with `_low` and `_high`, null where there is none."""
-        head = {"point": self.point, "axes": self.axes, "trials": self.trials, "censored": self.censored}
+        censored = self.censored if self.trials else None
+        head = {"point": self.point, "axes": self.axes, "trials": self.trials, "censored": censored}
         tail = {"horizon": plain(self.horizon), "is_share": self.is_share, "unit": self.unit}
         return {**head, **Row({}, self.estimates).record(), **tail}
 
@@ -390,11 +391,12 @@ class Summaries(list[PointSummary]):
         is_time = any(point.horizon < math.inf for point in self)
         rows = []
         for point in self:
-            censored = {"censored": Share(point.censored)} if is_time else {}
-            cells = {**censored, **{name: point.estimates[name] for name in names}, "unit": point.unit}
+            censored = {"censored": Share(point.censored) if point.trials else None} if is_time else {}
+            estimates = {name: point.estimates[name] for name in names}
+            cells = {**censored, **estimates, "unit": point.unit, "horizon": point.horizon}
             rows.append(Row(point.axes, {"point": point.point, "trials": point.trials, **cells}))
         title = f"{folder}{': ' * bool(folder)}{self.label}, with 95 % intervals"
-        return Table(title, rows, [*self._notes()], {**names, "unit": ""})
+        return Table(title, rows, [*self._notes()], {**names, "unit": "", "horizon": ""})
 
     def _notes(self) -> Iterator[str]:
         if undetermined := sum(point.undetermined for point in self):

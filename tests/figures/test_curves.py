@@ -309,8 +309,8 @@ def test_more_curves_than_can_be_drawn_are_refused(monkeypatch) -> None:
     assert len(read_form(points, {"x": COUNT}).curves) == 2
 
 
-LONG = PointSeries({SPEED: 1}, series_statistics([np.array([1.0, 2, 3, 5]) + k / 10 for k in range(6)]))
-SHORT = PointSeries({SPEED: 2}, series_statistics([np.arange(3.0)] * 3 + [np.arange(2.0)] * 3))
+LONG = PointSeries(0, {SPEED: 1}, series_statistics([np.array([1.0, 2, 3, 5]) + k / 10 for k in range(6)]), "")
+SHORT = PointSeries(1, {SPEED: 2}, series_statistics([np.arange(3.0)] * 3 + [np.arange(2.0)] * 3), "")
 
 
 def test_a_series_is_the_mean_and_dashed_once_a_trial_has_ended_a_row_a_cycle_and_too_many_are_refused():

@@ -195,7 +195,7 @@ def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp
     folder = made_folders.store_measured(tmp_path / "over", scenario, lambda _: [[2, None, None, None, None]])
     table = series_table("", summarize_series(read_points(folder, "threshold_cycles")))
     assert (table.rows[0].axes["threshold"], table.rows[0].cells["known"], found[0].statistics.over) == (0, 1, "cycle")
-    assert table.to_csv().startswith(f"{SPEED},threshold,trials,known,mean,")
+    assert table.to_csv().startswith(f"{SPEED},threshold,point,trials,known,mean,")
     scenario = sweep({SPEED: [1]}, measures=["near_walls"])
     folder = made_folders.store_measured(tmp_path / "other", scenario, lambda _: [0.5, 0.25])
     with pytest.raises(StoreError, match="near_walls is no series"):
@@ -262,7 +262,7 @@ def test_where_there_is_no_spread_or_few_synchronised_some_numbers_are_none() ->
     assert (few.weibull_mean, few.weibull_mean_low, few.weibull_mean_high, few.median, few.median_high) == (None,) * 5
     assert few.restricted_mean == pytest.approx((40 + 41 + 42 + 43 + 44 + 55 * 100) / 60)
     assert (none.censored, none.restricted_mean, none.median) == (1, None, None)
-    assert list(vars(without).values()) == [4, {SPEED: 5.0}, 0, 0, *[None] * 12, 100, False, "cycles"]
+    assert list(vars(without).values()) == [4, {SPEED: 5.0}, 0, *[None] * 13, 100, False, "cycles"]
 
 
 def test_the_horizon_is_the_longest_follow_up_and_trials_whose_reference_never_fired_are_counted() -> None:
@@ -331,11 +331,14 @@ def test_json_has_all_fields_of_each_point_and_the_table_a_row_that_says_what_it
     assert "Weibull mean: extrapolated by thesis Appendix A." in stdout
     assert "No intervals" not in stdout
     for row, point in zip(cells(stdout), summaries_of(read_points(folder)), strict=True):
-        assert row[:4] == [str(point.point), str(point.axes[SPEED]), str(point.trials), f"{100 * point.censored:.0f} %"]
+        censored = f"{100 * point.censored:.0f} %" if point.trials else "-"
+        assert row[:4] == [str(point.point), str(point.axes[SPEED]), str(point.trials), censored]
         shown = ("median", "restricted_mean", "weibull_mean")
         assert row[4:] == [str(point.estimates[name]) for name in shown]
     assert summaries_of(read_points(folder)).table().headings["restricted_mean"] == "mean or restricted mean"
-    assert {"mean", "restricted_mean", "unit"} <= {*called("summarize", folder, "--csv").splitlines()[0].split(",")}
+    assert {"mean", "restricted_mean", "unit", "horizon"} <= {
+        *called("summarize", folder, "--csv").splitlines()[0].split(",")
+    }
     store(tmp_path, sweep({SPEED: [1, 2]}), lambda point: weibull(point, 50, trials=4 + point.number))
     stdout = called("summarize", tmp_path)
     assert "No intervals at 1 of 2 points: one takes 5 trials or more." in stdout

@@ -332,9 +332,10 @@ class Series(Form):
     @property
     def tables(self) -> Mapping[str, str]:
         """A row for each cycle of each point."""
-        columns = [(s.trials, s.known, *s.mean.T, *s.median.T) for _, s in self.points]
-        each = zip(self.points, columns, strict=True)
-        rows = ((axes, {s.over: s.cycles, **dict(zip(SERIES_COLUMNS, row, strict=True))}) for (axes, s), row in each)
+        rows = []
+        for _, axes, s, _ in self.points:
+            columns = s.trials, s.known, *s.mean.T, *s.median.T
+            rows.append((axes, {s.over: s.cycles, **dict(zip(SERIES_COLUMNS, columns, strict=True))}))
         return {".csv": tabulate(rows)}
 
     @property
@@ -346,7 +347,8 @@ class Series(Form):
         (panel,) = panels
         labels, looks = self.labels_of([point.axes for point in self.points]), style.choose_looks(len(self.points))
         has_bands = has_ended = False
-        for place, ((_, series), label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
+        for place, (point, label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
+            series = point.statistics
             mean, low, high = series.mean.T
             complete = int(np.count_nonzero(series.trials == series.trials[0]))
             style.draw_intervals(panel, series.cycles, low, high, look.colour)
