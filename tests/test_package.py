@@ -115,12 +115,25 @@ def test_files_are_given_as_text_or_as_paths_and_so_are_controllers_and_measures
     assert [measure.name for measure in found.measures] == ["mine"]
 
 
-def test_a_trial_is_not_kept_under_the_seed_of_another_one(tmp_path) -> None:
+def test_a_trial_is_not_kept_under_the_seed_of_another_one_nor_its_scenario_nor_outside_of_a_block(tmp_path) -> None:
     films = [("t.mp4", epuck_sim.film_trial, model) for model in ("pair", "particles")]
     for name, each, of in [("t.parquet", epuck_sim.Trace, "pair"), ("t.rrd", epuck_sim.record, "pair"), *films]:
         with pytest.raises(ValueError, match="for seed 1, but "), each(tmp_path / name, of, 1) as seen:
             epuck_sim.run_trial(simulate(load_scenario(of), 2), [seen])
+        other = load_scenario(of, ["stop.max_cycles=7"])
+        with pytest.raises(ValueError, match="has other values"), each(tmp_path / name, of, None) as seen:
+            epuck_sim.run_trial(simulate(other, other.seed), [seen])
+        with pytest.raises(ScenarioError, match=r"seed is 1\.5; allowed"), each(tmp_path / name, of, 1.5):
+            pass
+        with pytest.raises(ValueError, match="an observer needs its block: with record"):
+            epuck_sim.run_trial(simulate(other, 0), [each(tmp_path / name, other, 0)])
     assert not list(tmp_path.iterdir())
+
+
+def test_simulations_say_what_they_are_and_how_far() -> None:
+    said = "EmbodiedScenario(name='pair', model='embodied', population=2), seed=3, steps=0)"
+    assert repr(Simulation("pair", 3)) == f"Simulation({said}"
+    assert repr(ParticleSimulation("particles", 3)).endswith("population=20), seed=3, time_s=0)")
 
 
 def test_a_single_text_is_no_list_of_settings() -> None:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from threading import Lock
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -116,7 +117,7 @@ class Simulation:
         self.step_s = self._step_ms / 1000
         self._most_unseen = LOGGED_STEPS if scenario.faults else MOST_STEPS  # largest number of steps in one call
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
-        self._has_replaced = False
+        self._has_replaced, self._turn = False, Lock()  # which a thread holds while it takes steps
         controllers = [find_controller(group.controller) for group in scenario.robots]
         self._own_sensors = [[find_sensor(own["file"]) for own in group.sensors.values()] for group in scenario.robots]
         self._block, self._swarm, self._arenas = make_swarm_block(scenario, controllers, self._own_sensors)
@@ -267,7 +268,7 @@ class Simulation:
             The last step; its arrays are overwritten by the next one.
 
         Raises:
-            ValueError: The number of steps is not a whole number from 1.
+            ValueError: The number of steps is not a whole number from 1, or another thread is taking steps.
             ControllerError: A controller raises, or sets a wheel speed or a turn that is not a number.
         """
         taken = self.steps
@@ -275,7 +276,7 @@ class Simulation:
         while True:
             self._run(min(self._unchanged(taken), end - taken), until_firing=until_firing)
             taken = self.steps
-            if taken == end or (until_firing and self.is_firing):
+            if taken >= end or (until_firing and self.is_firing):
                 return self.last_step
 
     def stretch(self, steps: int) -> Stretch:
@@ -299,6 +300,8 @@ class Simulation:
 
     def _run(self, steps: int, *, until_firing: bool = True, history: History | None = None) -> None:
         """Take control steps; the error of a controller that fails names the robot."""
+        if not self._turn.acquire(blocking=False):  # Chipmunk would end the process
+            raise ValueError("another thread is taking steps of this simulation; give each thread a copy.copy of it")
         try:
             if history is None:
                 outcome = self._loop.take_steps(*self.memory, steps, until_firing)
@@ -306,6 +309,8 @@ class Simulation:
                 outcome = history.take(steps)
         except BaseException as error:  # whatever a user's controller may raise
             raise self.located(error) from error
+        finally:
+            self._turn.release()
         self.conclude(outcome)
 
     def conclude(self, outcome: int) -> None:
@@ -510,6 +515,9 @@ class Simulation:
         return partial(type(self), interpret=self._interpret), (self.scenario, self.seed), self.snapshot()
 
     __setstate__ = restore
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.scenario!r}, seed={self.seed}, steps={self.steps})"
 
     def _repr_html_(self) -> str:
         step, radii_cm = self.last_step, [kind.radius_cm for kind in self.scenario.robot_kinds]

@@ -29,7 +29,7 @@ from epuck_sim.scenario.loader import load_of_model, validate
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
-from epuck_sim.scenario.scenario import Scenario, ScenarioLike, require_model
+from epuck_sim.scenario.scenario import Scenario, ScenarioLike, require_model, seed_of_trial
 from epuck_sim.trial.result import Observer
 from epuck_sim.util.machine import lack_of_memory
 from epuck_sim.util.provenance import versions
@@ -55,10 +55,11 @@ CAPITAL_PX = 21  # height of capital letters at OpenCV's scale 1, in pixels
 
 @dataclass(frozen=True)
 class TrialFilm:
-    """An observer that films a trial, and the trial's seed, see `run_trial`."""
+    """An observer that films a trial, and the trial's seed and scenario, see `run_trial`."""
 
     observe: Observer
     trial_seed: int
+    trial_scenario: Scenario
 
     def __call__(self, event: Any, state: Any) -> None:
         """Film an event."""
@@ -66,7 +67,7 @@ class TrialFilm:
 
 
 @contextmanager
-def film_trial(path: Path | str, scenario: ScenarioLike, seed: int) -> Iterator[TrialFilm]:
+def film_trial(path: Path | str, scenario: ScenarioLike, seed: int | None) -> Iterator[TrialFilm]:
     """Yield an observer for `run_trial` that films a trial with the overhead camera of its scenario while it runs.
 
     Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
@@ -82,14 +83,15 @@ def film_trial(path: Path | str, scenario: ScenarioLike, seed: int) -> Iterator[
     Args:
         path: The film, whose name ends in .mp4.
         scenario: Scenario of the trial, or what `load_scenario` takes.
-        seed: Seed of the trial; the camera's noise is drawn from it, too.
+        seed: The trial's seed, from which the camera's noise is drawn, too; None for the scenario's own.
 
     Raises:
-        ScenarioError: The scenario is of another model.
+        ScenarioError: The scenario is of another model, or the seed is not allowed.
         FilmError: Its camera cannot see the arena, its space is a cube, or the name does not end in .mp4.
         EpuckSimError: The file cannot be written.
     """
     scenario = load_of_model(scenario, Scenario)
+    seed = seed_of_trial(scenario, seed)
     if isinstance(scenario, ParticleScenario):
         yield from _film_agents(Path(path), scenario, seed)
         return
@@ -99,6 +101,7 @@ def film_trial(path: Path | str, scenario: ScenarioLike, seed: int) -> Iterator[
                 state.cycles, state.order_parameter, step.time_s, step.poses, step.ring_on, step.movables, step.arena
             ),
             seed,
+            scenario,
         )
 
 
@@ -220,7 +223,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
             buffer.append(event, state)
             write()
 
-        yield TrialFilm(observe, seed)
+        yield TrialFilm(observe, seed, scenario)
         if last is not None:
             buffer.end(last.time_s)
             write()

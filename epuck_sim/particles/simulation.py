@@ -109,12 +109,12 @@ class ParticleSimulation:
         """Restart with the same scenario: equal, to the bit, to a new simulation with this seed.
 
         Args:
-            seed: Whole number from 0; None for the scenario's own.
+            seed: Whole number from 0; the current one if None.
 
         Raises:
-            ScenarioError: The scenario is a sweep, or the seed is negative.
+            ScenarioError: The seed is not allowed.
         """
-        chosen = seed_of_trial(self.scenario, seed)
+        chosen = self.seed if seed is None else seed_of_trial(self.scenario, seed)
         if self._present_rules is self._rules:
             self._arrays.block[: len(self._rules.beginning)] = self._rules.beginning
         else:
@@ -489,6 +489,9 @@ class ParticleSimulation:
         is_shifted[first[np.isin(reached, event.received)]] = True
         links = np.column_stack([senders, receivers, is_shifted])
         return links if agents < SHIFTS_ONLY else links[is_shifted]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.scenario!r}, seed={self.seed}, time_s={self.time_s:g})"
 
     def _repr_html_(self) -> str:
         side_cm, dimensions = self.scenario.space.side_cm, self.scenario.space.dimensions

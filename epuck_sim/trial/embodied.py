@@ -166,6 +166,8 @@ def run_robots(
             tell(stretch, watch)
         for observer in observers:
             observer(step, watch)
+        if simulation.steps != step.number + 1:
+            raise ValueError("an observer takes steps of the simulation, or resets it; allowed: looking, and commands")
         if watch.cycles > cycles:
             for observer in measuring.at_cycles:
                 observer(step, watch)

@@ -5,6 +5,7 @@ A further model is one more entry: `register_model`. What depends on a scenario 
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ContextDecorator
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -170,8 +171,8 @@ def run_trial(
 
     Raises:
         TypeError: `simulation` is not a simulation.
-        ValueError: The simulation has already run, so that its earlier cycles would not count; or an observer has a
-            `trial_seed`, or a `trial_scenario`, that is not the trial's.
+        ValueError: The simulation has already run, so that its earlier cycles would not count; an observer is not in
+            its `with` block, takes steps, or has a `trial_seed`, or a `trial_scenario`, that is not the trial's.
         MeasureError: One of the scenario's measures raises an error, or returns something that is no value.
 
     >>> from epuck_sim import Simulation
@@ -182,6 +183,8 @@ def run_trial(
         raise TypeError(f"a trial needs a simulation, such as Simulation('thesis', seed=1), not {simulation!r}")
     observers, own = tuple(observers), simulation.scenario
     for each in observers:
+        if isinstance(each, ContextDecorator) or not getattr(each, "is_open", True):
+            raise ValueError("an observer needs its block: with record(...) as recorder: run_trial(..., [recorder])")
         if (kept := getattr(each, "trial_seed", simulation.seed)) != simulation.seed:
             raise ValueError(f"an observer is for seed {kept}, but the trial has seed {simulation.seed}")
         meant, start = getattr(each, "trial_scenario", own), {"start": None}

@@ -51,7 +51,7 @@ class TrialState(Protocol):
 Observer = Callable[[Any, Any], None]
 """Called as `observer(event, state)` after every event of a trial: a `Step` of robots, an `Event` of point agents.
 
-`state` is the trial's TrialState. Observers must not change what they are shown.
+`state` is the trial's TrialState. Observers must not change what they are shown, nor take steps.
 """
 
 Progress = Callable[[TrialState], None]  # called now and then while a trial runs, to show how far it is

@@ -20,7 +20,7 @@ from epuck_sim.embodied.step import Step, check_fields, field_values, reading_fi
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_of_model, write_scenario
-from epuck_sim.scenario.scenario import ScenarioLike
+from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.provenance import versions
@@ -35,45 +35,42 @@ class Trace:
     If the block ends with an error, no file is left behind.
     """
 
+    is_open = False  # whether the `with` block has begun, and has not ended
+
     def __init__(
         self,
         path: Path | str,
         scenario: ScenarioLike,
-        seed: int,
+        seed: int | None,
         *,
         memory: Sequence[str] = (),
         relations: bool = False,
     ) -> None:
-        """Open the file, before the trial begins.
+        """Check that the file can be written; the `with` block opens it.
 
         Args:
             path: File to write, in the format Parquet.
             scenario: Scenario of the trial, of model `embodied`, or what `load_scenario` takes.
-            seed: Seed of the trial.
+            seed: The trial's seed; None for the scenario's own.
             memory: Fields of the controllers' MEMORY, each of which becomes a column `memory.NAME`.
             relations: Whether columns list whom each robot sees lit, and whom it touches.
 
         Raises:
-            ScenarioError: The scenario is of another model, or no controller remembers such a field.
+            ScenarioError: The scenario is of another model, the seed is not allowed, or no controller has such a field.
             EpuckSimError: The file cannot be written.
         """
         path = Path(path)
         scenario = load_of_model(scenario, EmbodiedScenario, "traces need model: embodied")
         check_target(path)
-        self._path, self.trial_seed, self.trial_scenario = path.resolve(), seed, scenario
+        self._path, self.trial_seed, self.trial_scenario = path.resolve(), seed_of_trial(scenario, seed), scenario
         self._robots = scenario.robot_count
         check_fields(scenario, memory)
         self._fields = {name: name for name in reading_fields(scenario)} | {f"memory.{name}": name for name in memory}
         self._steps: list[dict[str, npt.NDArray[Any]]] = []
         self._relations: dict[str, list[list[int]]] = {"sees": [], "touches": []} if relations else {}
-        self._metadata = {"scenario": write_scenario(scenario), "seed": str(seed), "versions": json.dumps(versions())}
+        described = {"scenario": write_scenario(scenario), "seed": str(self.trial_seed)}
+        self._metadata = {**described, "versions": json.dumps(versions())}
         self._writer: pq.ParquetWriter | None = None
-        with ExitStack() as stack:
-            self._part = stack.enter_context(temporary_path(self._path))
-            with write_errors(path):
-                # pyarrow opens no file whose name is not UTF-8
-                self._contents = stack.enter_context(self._part.open("wb"))
-            self._file = stack.pop_all()
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Record a step."""
@@ -112,9 +109,17 @@ class Trace:
             lists.clear()
 
     def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            self._part = stack.enter_context(temporary_path(self._path))
+            with write_errors(self._path):
+                # pyarrow opens no file whose name is not UTF-8
+                self._contents = stack.enter_context(self._part.open("wb"))
+            self._file = stack.pop_all()
+        self.is_open = True
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.is_open = False
         with write_errors(self._path), self._file:
             if kind is None and self._steps:
                 self._write()

@@ -156,17 +156,18 @@ def test_a_reset_simulation_is_a_new_one_and_a_copy_goes_on_alike(data, seed, be
         assert (swarm.events, swarm.outcome) == (new.events, new.outcome)
 
 
-def test_a_reset_without_a_seed_takes_that_of_the_scenario():
-    swarm, new = ParticleSimulation(simulations.scenario(seed=3), 5), ParticleSimulation(simulations.scenario(seed=3))
+def test_a_reset_without_a_seed_keeps_that_of_the_trial_which_is_the_scenario_s_unless_it_is_given():
+    swarm, new = (ParticleSimulation(simulations.scenario(seed=3), seed) for seed in (5, None))
     assert state_of(new) == state_of(ParticleSimulation(simulations.scenario(), 3)) != state_of(swarm)
+    new = ParticleSimulation(simulations.scenario(), 5)
     swarm.record()
     swarm.run(1)
     swarm.reset()
     assert swarm.recorded == 0  # the cycle was one of the trial before
-    assert (swarm.seed, state_of(swarm)) == (3, state_of(new))
+    assert (swarm.seed, state_of(swarm)) == (5, state_of(new))
     with pytest.raises(ScenarioError, match="seed is -1"):
         swarm.reset(-1)
-    assert (swarm.seed, state_of(swarm)) == (3, state_of(new))
+    assert (swarm.seed, state_of(swarm)) == (5, state_of(new))
 
 
 @pytest.mark.parametrize("other", OTHERS, ids=str)
