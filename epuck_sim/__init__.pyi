@@ -20,7 +20,7 @@ from .recording.reader import read_recording, show
 from .recording.recorder import record
 from .runs.reader import read_points
 from .scenario.embodied import EmbodiedScenario
-from .scenario.loader import Point, load_scenario, points
+from .scenario.loader import Point, load_scenario, points, write_scenario
 from .scenario.particles import ParticleScenario
 from .scenario.scenario import Scenario
 from .statistics.statistic import summarize
@@ -65,6 +65,7 @@ __all__ = [
     "summarize",
     "write_page",
     "write_report",
+    "write_scenario",
 ]
 
 __version__: str

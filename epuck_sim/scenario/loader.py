@@ -114,6 +114,9 @@ def load_scenario(
     100.0
     """
     if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
+        own, known = vars(source), type(source).model_fields
+        if own.keys() - known or any(isinstance(each, dict | list) for each in own.values()):
+            source = source.validated(own, source.name)  # `model_copy` takes whatever it is given
         return complete(source, source.name)
     for name, texts, kind in (("settings", settings, str), ("axes", axes, str), ("measures", measures, str | Path)):
         if isinstance(texts, str | Path | Mapping) or not all(isinstance(each, kind) for each in texts):
