@@ -381,11 +381,8 @@ class Simulation:
         self._set_parameters(group, values, self.scenario.name)
         self._note("set_parameters", group, **values)
 
-    def _group(self, number: int) -> GroupControllers:
-        return numbered("group", number, self._groups)
-
     def _set_parameters(self, group: int, values: Mapping[str, Value], origin: str) -> None:
-        changed = self._group(group)
+        changed = numbered("group", group, self._groups)
         controller = changed.controller
         given = {**controller.parameter_values(changed.parameters[0]), **values}
         resolved = resolve_parameters(controller, given, self._step_ms, f"{origin}: robots.{group}")
@@ -459,7 +456,7 @@ class Simulation:
             raise
 
     def _replace(self, group: int, controller: Controller) -> Replaced:
-        old, origin = self._group(group), f"{self.scenario.name}: robots.{group}"
+        old, origin = numbered("group", group, self._groups), f"{self.scenario.name}: robots.{group}"
         check_alike(old.controller, controller)
         now, at_first = (
             parameters_for(controller, old.controller, record, self._step_ms, origin)

@@ -97,7 +97,7 @@ class Step(NamedTuple):
             robots = self.scene.swarm.robots
             listed = robots.ring_before[None].copy()
             sightings = find_sightings(self.scene, poses_of(robots)[None].copy(), robots.present, listed)
-            self.found["sightings"] = sightings[:, 1:].copy()
+            self.found["sightings"] = _read_only(sightings[:, 1:].copy())
         return self.found["sightings"]
 
     @property
@@ -109,7 +109,7 @@ class Step(NamedTuple):
         """
         if "contacts" not in self.found:
             poses = poses_of(self.scene.swarm.robots)[None].copy()
-            self.found["contacts"] = find_contacts(self.scene, poses)[0][:, 1:].copy()
+            self.found["contacts"] = _read_only(find_contacts(self.scene, poses)[0][:, 1:].copy())
         return self.found["contacts"]
 
     def __repr__(self) -> str:

@@ -40,11 +40,15 @@ class PointTrials(NamedTuple):
 
     number: int
     key: str  # the axis values as text
-    axes: dict[str, Any]  # value of each axis by dotted key
+    axes: dict[str, Any]
+    """Value of each axis by dotted key."""
     scenario: Scenario
-    times: FloatArray  # (trials,) cycles at which each trial ended
-    observed: BoolArray  # (trials,) whether each trial was synchronised then; otherwise it is censored
-    seeds: Sequence[int]  # (trials,) seed of each trial
+    times: FloatArray
+    """(trials,) cycles at which each trial ended."""
+    observed: BoolArray
+    """(trials,) whether each trial was synchronised then; otherwise it is censored."""
+    seeds: Sequence[int]
+    """(trials,) seed of each trial."""
     measured: tuple[Value, ...] = ()
     """(trials,) value of the requested measure, or the seconds, of each trial; empty if none was requested."""
     of: str | None = None  # name of the requested measure, or `t_sync_s`; None if none was requested

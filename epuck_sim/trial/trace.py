@@ -35,8 +35,6 @@ class Trace:
     If the block ends with an error, no file is left behind.
     """
 
-    is_open = False  # whether the `with` block has begun, and has not ended
-
     def __init__(
         self,
         path: Path | str,
@@ -71,6 +69,7 @@ class Trace:
         described = {"scenario": write_scenario(scenario), "seed": str(self.trial_seed)}
         self._metadata = {**described, "versions": json.dumps(versions())}
         self._writer: pq.ParquetWriter | None = None
+        self.is_open = False  # whether the `with` block has begun, and has not ended
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Record a step."""

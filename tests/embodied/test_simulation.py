@@ -323,6 +323,13 @@ def test_changed_parameters_act_from_the_next_step_on_reset_takes_them_back_and_
         assert not simulation.snapshot().changes
 
 
+def test_no_observer_changes_what_others_are_shown():
+    step = Simulation("thesis", 1).advance(5)
+    shown = [value for value in (*step, step.sightings, step.contacts) if isinstance(value, np.ndarray)]
+    assert len(shown) == 11
+    assert not any(array.flags.writeable for array in shown)
+
+
 def test_one_thread_at_a_time_takes_steps_and_none_is_taken_by_an_observer():
     simulation = Simulation("pair", 1)
     with simulation._turn, pytest.raises(ValueError, match="another thread is taking steps"):
