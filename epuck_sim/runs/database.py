@@ -158,9 +158,8 @@ def check_database(path: Path) -> None:
     if (found := int.from_bytes(header[60:64])) != FORMAT:
         older = "; to convert it, go on with the run in version 0.1.0" if found == 1 else ""
         raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}{older}")
-    page_size = int.from_bytes(header[16:18])
     damage = _damage(path)
-    if damage is None and path.stat().st_size % (65536 if page_size == 1 else page_size):
+    if damage is None and path.stat().st_size % int.from_bytes(header[16:18]):
         damage = "its end is missing"  # SQLite would read the missing part of the last page as zeros
     if damage is not None:
         raise StoreError(f"{path}: is damaged: {damage}")

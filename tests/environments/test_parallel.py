@@ -262,6 +262,11 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost():
             env.step(action)
         np.testing.assert_array_equal(env.state(), before)
         env.step({agent: np.zeros(3) for agent in env.agents})
+    env = parallel_env(SWARM, actions="discrete")
+    env.reset()
+    for number in (-1, 14, 1.0):
+        with pytest.raises(ValueError, match=f"an agent's action has {number}; allowed: whole numbers from 0 to 13"):
+            env.step(dict.fromkeys(AGENTS, number))
 
 
 def test_robots_of_another_kind_observe_the_sensors_that_they_have_and_drive_up_to_their_own_limit():

@@ -87,7 +87,9 @@ def test_values_come_back_to_the_bit_and_are_columns_of_numbers_and_lists_in_exp
         ([None, None], pa.float64()),
         ([[1], [2, None]], pa.list_(pa.int64())),
         ([[True], None], pa.list_(pa.bool_())),
+        ([[True], [3, None]], pa.list_(pa.float64())),
         ([3, True], pa.float64()),
+        ([True, 3], pa.float64()),
     ],
 )
 def test_a_column_has_the_kind_of_its_values(values, kind, folder, counter, tmp_path):

@@ -303,6 +303,7 @@ def test_events_are_stored_read_and_exported_to_the_bit(tmp_path):
     (only,) = points(load_scenario(SCENARIO))
     alone = tuple(run_trial(simulate(only.scenario, only.seed(trial))).events for trial in range(4))
     assert point.events == alone
+    assert reader.read_outcome(tmp_path, 0, 1) == (4, None)
     assert {event.source for events in alone for event in events} == {"faults.0", "schedule.0"}
     export(tmp_path, tmp_path / "out.csv")
     table = pyarrow.csv.read_csv(tmp_path / "out.csv").to_pydict()
