@@ -54,17 +54,14 @@ def synchrony(situation: Situation) -> FloatArray:
     Raises:
         ScenarioError: There are no oscillators.
     """
-    r = order_of(situation.phase)
-    if np.isnan(r).any():
+    if np.isnan(situation.phase).all():
         raise ScenarioError(NO_PHASES)
-    return r
+    return order_of(situation.phase)
 
 
 def order_of(phase: FloatArray) -> FloatArray:
-    """Return (...) the order parameter of (..., robots) phases from 0 to 1, NaN for robots without; NaN if all are."""
+    """Return (...) the order parameter of (..., robots) phases from 0 to 1, NaN for robots without, but not for all."""
     has_phase = ~np.isnan(phase.reshape(-1, phase.shape[-1])[0])
-    if not has_phase.any():
-        return np.full(phase.shape[:-1], np.nan)
     return order_parameter(phase[..., has_phase], 1.0)
 
 

@@ -300,6 +300,8 @@ def test_rewards_are_the_order_of_oscillators_the_share_of_others_that_are_near_
     """Those of a batch are those of its swarms, one by one."""
     phases = [[0.2, 0.2, 0.2, np.nan], [0, 1 / 3, 2 / 3, np.nan], [0, 0.5, 0, np.nan]]
     np.testing.assert_allclose(synchrony(situation(np.zeros((3, 4, 3)), phases)), [1, 0, 1 / 3], atol=1e-12)
+    with pytest.raises(ScenarioError, match="synchrony needs oscillators, and no robot is one"):
+        synchrony(situation(np.zeros((3, 4, 3))))
     poses = [[10, 10, 0], [20, 10, 0], [34, 10, 0], [60, 60, 0]]
     np.testing.assert_allclose(aggregation(situation(poses)), [1 / 3, 2 / 3, 1 / 3, 0])
     assert aggregation(situation([[10, 10, 0]])).tolist() == [0]
