@@ -173,7 +173,7 @@ def add_colour_bar(panels: Sequence[Axes], colours: ScalarMappable, **options: A
     """Add a colour bar beside panels."""
     figure = panels[0].get_figure()
     assert figure is not None
-    return figure.colorbar(colours, ax=list(panels), fraction=BAR, aspect=BAR_ASPECT, **options)
+    return figure.colorbar(colours, ax=panels, fraction=BAR, aspect=BAR_ASPECT, **options)
 
 
 def choose_looks(count: int) -> list[Look]:

@@ -139,8 +139,8 @@ NO_RINGS = SeenRings(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
 VGA = {"width_px": 640, "field_of_view_deg": 61.0}
 
 
-def by_corners(corners, size=(480, 480), floor_cm=(60.0, 60.0), above_cm=110.0):
-    return fit_camera(size, floor_cm, above_cm, NO_RINGS, corners).camera
+def by_corners(corners, size=(480, 480), floor_cm=(60.0, 60.0), above_cm=110.0, lens=None):
+    return fit_camera(size, floor_cm, above_cm, NO_RINGS, corners, lens).camera
 
 
 def test_pixels_show_points_that_are_seen_there_and_a_tilted_camera_is_aimed_at_the_middle_from_its_height():
@@ -174,6 +174,8 @@ def test_finds_a_camera_by_four_corners(settings):
     np.testing.assert_allclose(found.position_cm, camera.position_cm, atol=0.05)
     np.testing.assert_allclose(found.rotation, camera.rotation, atol=1e-3)
     assert worst_cm(found, camera) < 0.01
+    known = by_corners(camera.project(FLOOR), camera[:2], above_cm=165.0, lens=camera.lens)  # which tells the height
+    np.testing.assert_allclose(known.position_cm, camera.position_cm, atol=0.05)
 
 
 def test_corners_come_in_any_order_of_arenas_that_are_no_square_and_a_pixel_off_misplace_rings_by_little():
