@@ -75,8 +75,7 @@ def aggregation(situation: Situation) -> FloatArray:
 def coverage(situation: Situation) -> FloatArray:
     """Return (...) the share of the floor that lies within `COVERED_CM` of a robot's centre, from 0 to 1."""
     xs, ys = (
-        np.arange(GRID_CM / 2, length, GRID_CM) if length > GRID_CM else np.array([length / 2])
-        for length in (situation.width_cm, situation.height_cm)
+        np.arange(min(GRID_CM, length) / 2, length, GRID_CM) for length in (situation.width_cm, situation.height_cm)
     )
     points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
     covered = (_distances_cm(points, situation.poses) <= COVERED_CM).any(axis=-1)

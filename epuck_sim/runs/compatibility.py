@@ -274,8 +274,7 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
     with acquire(whole):
         if (whole / DATABASE).exists():
             raise StoreError(f"{whole}: holds results already; give a new folder, and this one among those to merge")
-        axes = list(json.loads(points[largest][0].axes))
-        with new_database(whole / DATABASE, axes, merged) as connection:
+        with new_database(whole / DATABASE, list(json.loads(merged[0].axes)), merged) as connection:
             for folder in points:
                 _add(connection, folder)
         sources.write_files(whole, files)

@@ -308,6 +308,7 @@ def test_rewards_are_the_order_of_oscillators_the_share_of_others_that_are_near_
     assert coverage(situation([[30, 30, 0]])) == pytest.approx(np.pi * 100 / 3600, rel=0.2)
     grid = [[x, y, 0] for x in (5, 15, 25, 35, 45, 55) for y in (5, 15, 25, 35, 45, 55)]
     assert coverage(situation(grid)) == 1
+    assert coverage(situation([[2, 2, 0]], side=4.0)) == 1
     random = np.random.default_rng(1)
     poses, phases = random.uniform(0, 60, (5, 7, 3)), random.random((5, 7))
     for reward in (synchrony, aggregation, coverage):

@@ -154,9 +154,11 @@ def test_robots_of_several_groups_are_not_fitted_none_is_faster_than_its_wheels_
     film = track_trial(SCENARIO, 1, FILM)
     both = load_scenario({"robots": [{"count": 2}, {"count": 3}]})
     assert compare.fitted_values(both, film).keys() == {"overhead.frames_per_s"}
-    fast = {"robots.0.parameters.speed_cm_s": Estimate(12.9, 12.5, 13.3)}
+    film_values = {"robots.0.parameters.speed_cm_s": 12.9, "overhead.frames_per_s": 200.0}
+    fast = {key: Estimate(value, 0.99 * value, 1.01 * value) for key, value in film_values.items()}
     compare.save_fitted(tmp_path / "fast.yaml", SCENARIO, fast, "film.mp4")
-    assert load_scenario(tmp_path / "fast.yaml").robots[0].parameters["speed_cm_s"] == 12.8
+    saved = load_scenario(tmp_path / "fast.yaml")
+    assert (saved.robots[0].parameters["speed_cm_s"], saved.overhead.exposure_ms) == (12.8, 5.0)
     for value in (0.0, 3.0):
         mean, _ = compare.fit_uniform(np.full(4, value), np.zeros(4))
         assert mean.value == pytest.approx(value, abs=1e-6)
