@@ -221,6 +221,8 @@ SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "cut after its header": (lambda whole: whole[:100], "is damaged"),
     "cut in half": (lambda whole: whole[: len(whole) // 2], "is damaged"),
     "cut within its last page": (lambda whole: whole[:-10], "is damaged"),
+    "with a part of a page": (lambda whole: whole + bytes(10), "is damaged: its end is missing"),
+    "with bytes that are no text": (after("UPDATE points SET axes = CAST(x'ff' AS TEXT)"), "points holds text that is"),
     "without its tables' definitions": (
         lambda whole: whole[:100] + random.Random(4).randbytes(3996) + whole[4096:],
         "is damaged",
