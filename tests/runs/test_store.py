@@ -139,6 +139,10 @@ def test_what_has_no_effect_on_a_trial_may_change_and_the_scenario_s_file_is_wri
         spoil(tmp_path / "scenario.yaml")
         with Store(tmp_path, DEMO, points(DEMO)):
             assert load_scenario(tmp_path) == DEMO
+    for place in ("here", "there"):  # the file of a robot moves
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "small.yaml").write_text("mass_g: 140")
+        fill(tmp_path / "moved", scenario_of(None, robot=str(tmp_path / place / "small.yaml")))
 
 
 @pytest.mark.parametrize("left", [{}, {".lock": b""}, KILLED])
