@@ -5,7 +5,7 @@ but every program that imports Gymnasium loads all entry points, even if it need
 """
 
 from collections.abc import Mapping
-from typing import Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import gymnasium
 import numpy as np
@@ -15,10 +15,12 @@ from pettingzoo import ParallelEnv
 from epuck_sim.arrays import Float32Array
 from epuck_sim.environments.vector import SwarmVectorEnv, Task, vector_env
 from epuck_sim.errors import ScenarioError
-from epuck_sim.overhead.camera import Picture
-from epuck_sim.overhead.render import ArenaView
 from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.util.messages import short_repr, whole
+
+if TYPE_CHECKING:
+    from epuck_sim.overhead.camera import Picture
+    from epuck_sim.overhead.render import ArenaView
 
 ROBOT_ENV = "epuck_sim/Robot-v0"  # name of the environment of one robot for `gymnasium.make`
 
@@ -124,12 +126,14 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         phase = np.nan_to_num(situation.phase[0], nan=-1.0)
         return np.column_stack([situation.poses[0], situation.ring_on[0], phase])
 
-    def render(self) -> Picture | None:
+    def render(self) -> "Picture | None":
         """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() needs render_mode='rgb_array' or 'human'")
             return None
         if self._view is None:
+            from epuck_sim.overhead.render import ArenaView  # noqa: PLC0415 takes OpenCV, which `learning` lacks
+
             self._view = ArenaView(self._rows.simulations[0].scenario)
         situation = self._rows.look()
         picture = self._view.draw(situation.poses[0], situation.ring_on[0], situation.movables[0])
@@ -205,7 +209,7 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
             self.render()
         return observation, reward, terminated, truncated, infos
 
-    def render(self) -> Picture | None:  # Gymnasium's is of any type
+    def render(self) -> "Picture | None":  # Gymnasium's is of any type
         """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""
         return self._swarm.render()
 

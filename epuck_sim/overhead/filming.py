@@ -19,9 +19,7 @@ from epuck_sim.overhead.camera import Frame, Lens, Picture, ProgressWrapper, ove
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.render import NO_MOVABLES, ExposureSample, Renderer
 from epuck_sim.particles.simulation import Event, ParticleSimulation
-from epuck_sim.recording import Level
-from epuck_sim.recording.layers import GREY, LIT, NIGHT, WHITE
-from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording import GREY, LIT, NIGHT, WHITE, Level
 from epuck_sim.recording.rows import AgentBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
@@ -112,6 +110,8 @@ def film_recording(
 
     EpuckSimError is raised if it cannot be filmed, an override is no camera key, or the film cannot be written.
     """
+    from epuck_sim.recording.reader import read_recording  # noqa: PLC0415 takes rerun, which other films do without
+
     recorded, source = read_recording(recording), str(recording)
     mapping = _require_rings(recorded.scenario, source).model_dump(mode="json")
     if recorded.level is Level.SUMMARY:

@@ -2,6 +2,11 @@
 
 from enum import StrEnum
 
+GREY = (150, 150, 150)
+WHITE = (255, 255, 255)
+LIT = (220, 40, 30)
+NIGHT = (13, 16, 17)  # background of pictures, whatever the viewer's theme
+
 
 class Level(StrEnum):
     """How much of a trial a recording holds: each level includes the one before."""

@@ -22,7 +22,7 @@ from epuck_sim.display.arena_svg import MOST_NUMBERED
 from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import half_view_rad
 from epuck_sim.embodied.start import parked
-from epuck_sim.recording import Level
+from epuck_sim.recording import GREY, LIT, WHITE, Level
 from epuck_sim.recording.rerun import static_chunk, temporal_chunk
 from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.recording.series import KEEP_EXTREMES, WHEELS, robot_names, scalars
@@ -64,14 +64,10 @@ PICTURE_STEPS = 600  # control steps in a picture over time, a row each; robots 
 MAX_COLUMNS = 4096  # most columns of that picture; robots beyond them are left out
 GAP, BETWEEN = 4, 2  # columns between two robots, and their class
 
-GREY = (150, 150, 150)
 FAINT = (90, 90, 100)
-WHITE = (255, 255, 255)
-LIT = (220, 40, 30)
 DARK = (62, 67, 78)
 LAMP = (255, 200, 0)
 YELLOW = (240, 200, 40)
-NIGHT = (13, 16, 17)  # background of pictures, whatever the viewer's theme
 RINGS = rr.AnnotationContext([(0, "dark", DARK), (1, "lit", LIT)])
 """Rings differ in brightness, too, for people who cannot tell red from green. White numbers have a contrast of 4.8 on
 lit rings and of 10 on dark ones."""

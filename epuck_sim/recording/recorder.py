@@ -20,7 +20,7 @@ from rerun.chunk import Chunk
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import READING
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording import Level, layers, series
+from epuck_sim.recording import NIGHT, Level, layers, series
 from epuck_sim.recording.layers import AgentLayers, RobotLayers
 from epuck_sim.recording.rerun import APPLICATION, TIMELINE, rrd_file, static_chunk, strict_mode
 from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
@@ -222,9 +222,7 @@ def make_layout(given: Arrangement) -> rrb.Blueprint:
     if given.largest_cm[1] == 0:
         return _blueprint(rrb.Vertical(said, arena, *plots, row_shares=[1, 1, 2, 2, 2]))
     if has_pictures:
-        space_time = rrb.Spatial2DView(
-            origin=layers.SPACE_TIME, name="camera rows over a minute", background=layers.NIGHT
-        )
+        space_time = rrb.Spatial2DView(origin=layers.SPACE_TIME, name="camera rows over a minute", background=NIGHT)
         arena = rrb.Tabs(arena, space_time)
     left_side, shares = rrb.Vertical(said, arena, row_shares=[1, 5]), [3, 2] if given.pixels else [1, 1]
     above = rrb.Horizontal(left_side, rrb.Vertical(*plots), column_shares=shares)
@@ -250,7 +248,7 @@ def _picture(
 ) -> rrb.Spatial2DView:
     """Return a view of a plane, dark in every theme, as its colours are chosen for a dark background."""
     bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
-    return rrb.Spatial2DView(origin=origin, contents=contents, name=name, visual_bounds=bounds, background=layers.NIGHT)
+    return rrb.Spatial2DView(origin=origin, contents=contents, name=name, visual_bounds=bounds, background=NIGHT)
 
 
 def _blueprint(body: rrb.Container) -> rrb.Blueprint:

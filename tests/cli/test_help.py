@@ -126,15 +126,15 @@ def test_nothing_heavy_is_loaded_that_is_not_needed() -> None:
 
 ROOT = Path(__file__).parent.parent.parent
 
-WITHOUT = f"""
+WITHOUT = """
 import json, sys
-sys.modules.update(dict.fromkeys({list(EXTRAS)}))
+sys.modules.update(dict.fromkeys(sys.argv[1:]))
 from epuck_sim.sweep import scheduler
 from tests.cli.commands import call
 from tests.sweep.pool_here import pool_here
 scheduler.local_pool = pool_here
 print(json.dumps([(done.exit_code, done.stderr) for done in (call(*words.split()) for words in json.load(sys.stdin))]))
-"""  # calls commands in a process that cannot import any of the optional packages
+"""  # calls commands in a process that cannot import some packages
 
 LACKING = {  # which package each command lacks, and the extra that installs it
     "plot runs": ("matplotlib", "plot"),
@@ -149,15 +149,27 @@ LACKING = {  # which package each command lacks, and the extra that installs it
 }
 
 
+def call_without(packages: list[str], commands: list[str], folder: Path) -> list[list]:
+    """Return exit code and stderr of each command, called in a process that cannot import these packages."""
+    given = {"cwd": folder, "env": os.environ | {"PYTHONPATH": str(ROOT)}, "input": json.dumps(commands)}
+    process = [sys.executable, "-c", WITHOUT, *packages]
+    return json.loads(subprocess.run(process, **given, stdout=subprocess.PIPE, text=True, check=True).stdout)
+
+
+def test_films_and_environments_need_no_extra_but_their_own(tmp_path) -> None:
+    others = [module for module, (_, extra) in EXTRAS.items() if extra != "film"]
+    ended = call_without(others, ["run pair --seed 3 --film pair.mp4", "track pair.mp4"], tmp_path)
+    assert [code for code, _ in ended] == [0, 0], ended
+    hidden = f"import sys; sys.modules.update(dict.fromkeys({list(EXTRAS)})); import epuck_sim.environments"
+    subprocess.run([sys.executable, "-c", hidden], check=True)
+
+
 def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_they_lack(tmp_path) -> None:
     options = "--trials 5 --set stop.max_cycles=5 --out runs --measure component_count"
     sweep = f"run pair --sweep robots.0.parameters.speed_cm_s=4,8 {options}"
     whole = [sweep, *(f"{command} runs" for command in ("summarize", "status", "fit", "plan", "verify"))]
     whole += ["merge runs --out merged", "predict particles", "page pair --to pair.html"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    given = {"cwd": tmp_path, "env": environment, "input": json.dumps([*whole, *LACKING])}
-    done = subprocess.run([sys.executable, "-c", WITHOUT], **given, stdout=subprocess.PIPE, text=True, check=True)
-    ended = json.loads(done.stdout)
+    ended = call_without(list(EXTRAS), [*whole, *LACKING], tmp_path)
     assert [code for code, _ in ended[: len(whole)]] == [0] * len(whole), ended
     said = 'error: this needs {}, which is not installed: pip install "epuck-sim[{}]"\n'
     assert ended[len(whole) :] == [[2, said.format(*each)] for each in LACKING.values()]

@@ -22,7 +22,8 @@ from epuck_sim.figures.forms.violins import LINE, VIOLIN
 from epuck_sim.figures.saving import Target, parse_target, save_figure
 from epuck_sim.figures.style import COLOURS, GREY, MARKERS, choose_looks, finish, make_panels, style
 from epuck_sim.overhead.annotate import CYAN
-from epuck_sim.recording.layers import DARK, LIT, NIGHT
+from epuck_sim.recording import LIT, NIGHT
+from epuck_sim.recording.layers import DARK
 from tests.cli.commands import names
 from tests.figures.drawn import legend_texts
 from tests.runs.made_folders import rows
