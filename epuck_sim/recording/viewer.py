@@ -47,7 +47,7 @@ NOT_LIVE = "there is no display here; give --web to look in a browser, or --reco
 
 def has_display() -> bool:
     """Return whether a window can be opened."""
-    return sys.platform == "darwin" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
 def show(path: Path) -> None:

@@ -137,8 +137,10 @@ def _lease(folder: Path) -> Iterator[partial[bool]]:
     with temporary_path(path) as part, part.open("wb") as file:
         file.write(own_name().encode())
         file.flush()
+        is_held = partial(is_at, path, part.stat())
+        if fcntl is None:
+            file.close()  # Windows renames no open file; elsewhere an open one keeps its number for itself
         part.replace(path)
-        is_held = partial(is_at, path, os.fstat(file.fileno()))
         time.sleep(SETTLE_S)
         if not is_held():
             raise BlockingIOError

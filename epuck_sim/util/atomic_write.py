@@ -63,7 +63,7 @@ def publish(part: Path, path: Path) -> None:
     """Give the finished file `part` the name `path`."""
     target = _behind_links(path)
     with write_errors(path):
-        with part.open("rb") as file:  # its contents reach the disk before its name, should the power fail
+        with part.open("r+b") as file:  # contents reach the disk before the name; Windows syncs what is open to write
             os.fsync(file.fileno())
         with suppress(FileNotFoundError):
             shutil.copymode(target, part)

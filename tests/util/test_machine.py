@@ -16,14 +16,31 @@ from epuck_sim.util.machine import HOST, check_port, free_port, signals
 
 ELSEWHERE = """
 import platformdirs.unix, psutil  # which have files of their own for each system
-import multiprocessing, os, signal, sys
+import errno, fcntl, multiprocessing, os, pathlib, signal, sys
 
+flags, sync = fcntl.fcntl, os.fsync
+
+def sync_written(number, of_file=fcntl.F_GETFL):
+    if flags(number, of_file) & os.O_ACCMODE == os.O_RDONLY:
+        raise OSError(errno.EBADF, "Bad file descriptor")
+    sync(number)
+
+def of_closed(do):
+    def done(path, *given, **options):
+        if str(path.resolve()) in map(os.path.realpath, pathlib.Path("/proc/self/fd").glob("*")):
+            raise PermissionError(errno.EACCES, "is being used by another process")
+        return do(path, *given, **options)
+    return done
+
+os.fsync = sync_written
+for name in ("replace", "unlink"):
+    setattr(pathlib.Path, name, of_closed(getattr(pathlib.Path, name)))
 sys.modules.update(fcntl=None, resource=None, termios=None)
 for module, names in {os: ("getuid", "geteuid", "fork"), signal: ("SIGHUP", "pthread_sigmask", "pthread_kill")}.items():
     for name in names:
         delattr(module, name)
 multiprocessing.get_all_start_methods = lambda: ["spawn"]
-"""  # takes away, from every process that is started, what Windows does not have
+"""  # takes away, from every process that is started, what Windows does not have, or does not do with open files
 
 COMMANDS = """
 from tests.cli.commands import call
