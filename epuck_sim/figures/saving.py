@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from epuck_sim.display.table import AXIS_DIGITS, CSV_DIGITS, Row, csv_cell, csv_text
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.atomic_write import atomic_write, check_target
+from epuck_sim.util.messages import storable
 
 CAPTION = ".txt"  # ending of the file with the caption
 
@@ -63,6 +64,7 @@ def save_figure(
     results give equal files. EpuckSimError is raised if a file cannot be written; then none is written, and older files
     stay.
     """
+    caption = storable(caption)  # it may name a folder whose name is not UTF-8
     texts = {**(tables or {}), **({CAPTION: f"{caption}\n"} if caption else {})}
     endings = [*target.formats, *texts]
     files = check_files(target.stem, endings)

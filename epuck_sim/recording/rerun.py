@@ -29,6 +29,7 @@ from epuck_sim.arrays import IntArray
 from epuck_sim.errors import RecordingError
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.machine import HOST
+from epuck_sim.util.messages import storable
 
 _PATHS = [Path(rerun_cli.__file__).with_name(name) for name in ("Rerun.app", "rerun")]
 PROGRAM = (str(_PATHS[0] / "Contents/MacOS/Rerun" if _PATHS[0].exists() else _PATHS[1]),)
@@ -273,3 +274,5 @@ def check_recording_target(path: Path) -> None:
     if path.suffix != ENDING:
         raise RecordingError(f"{path}: a recording's name must end in {ENDING}, by which the viewer knows it")
     check_target(path)
+    if (name := str(path.resolve())) != (shown := storable(name)):  # rerun would break down
+        raise RecordingError(f"{shown}: is no name in Unicode; allowed: names, also of its folders, in UTF-8")

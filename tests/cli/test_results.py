@@ -171,7 +171,7 @@ def test_a_report_is_written_beside_its_folder_wherever_it_is_called(tmp_path, m
     assert page.exists()
 
 
-def test_results_and_traces_may_have_names_that_are_not_utf_8(tmp_path) -> None:
+def test_results_figures_and_traces_may_have_names_that_are_not_utf_8_recordings_may_not(tmp_path) -> None:
     folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=2), lambda _: made_folders.ended([5, 6]))
     exported, traced = ("export", folder, "--to"), ("run", "pair", "--set", "stop.max_time_s=0.3", "--trace")
     for words, ending in ((exported, ".csv"), (exported, ".parquet"), (traced, ".parquet")):
@@ -179,3 +179,5 @@ def test_results_and_traces_may_have_names_that_are_not_utf_8(tmp_path) -> None:
         for path in (odd, even):
             called(*words, path)
         assert odd.read_bytes() == even.read_bytes()
+    assert call("plot", folder.rename(odd.with_suffix("")), "--to", even.with_suffix("")).exit_code == 0
+    assert "is no name in Unicode" in call("run", "pair", "--record", odd.with_suffix(".rrd")).stderr
