@@ -64,8 +64,7 @@ def save_figure(
     results give equal files. EpuckSimError is raised if a file cannot be written; then none is written, and older files
     stay.
     """
-    caption = storable(caption)  # it may name a folder whose name is not UTF-8
-    texts = {**(tables or {}), **({CAPTION: f"{caption}\n"} if caption else {})}
+    texts = {**(tables or {}), **({CAPTION: f"{storable(caption)}\n"} if caption else {})}
     endings = [*target.formats, *texts]
     files = check_files(target.stem, endings)
     figure = draw()
@@ -76,7 +75,7 @@ def save_figure(
                 part.write_text(texts[ending], encoding="utf-8")
             else:
                 key, date = METADATA[ending.lower()]
-                metadata = {**({date: None} if date else {}), **({key: caption} if caption else {})}
+                metadata = {**({date: None} if date else {}), **({key: storable(caption)} if caption else {})}
                 _render(figure, part, ending[1:].lower(), metadata)
     return files
 
@@ -84,8 +83,7 @@ def save_figure(
 def to_svg(figure: Figure, name: str) -> Element:
     """Return a figure as a part of a page; its ids begin with `name`, so that they are unique there."""
     drawn = io.StringIO()
-    nothing: Any = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    _render(figure, drawn, "svg", nothing)
+    _render(figure, drawn, "svg", dict.fromkeys(("Creator", "Date", "Format", "Type")))
     root = ElementTree.fromstring(drawn.getvalue())
     for defs in root.findall(f"{SVG}defs"):
         for style in defs.findall(f"{SVG}style"):  # a style element would hold for the whole page
