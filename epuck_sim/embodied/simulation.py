@@ -229,12 +229,12 @@ class Simulation:
     @property
     def steps(self) -> int:
         """Control steps taken so far."""
-        return int(self._step.item()) + 1
+        return self._step.item() + 1
 
     @property
     def last_step(self) -> Step:
         """The last step; before the first one, a step numbered -1 with the robots' initial poses and phases."""
-        number = int(self._step.item())
+        number = self._step.item()
         return self._shown(number, number * self._step_ms / 1000)
 
     def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
@@ -271,34 +271,34 @@ class Simulation:
             ValueError: The number of steps is not a whole number from 1, or another thread is taking steps.
             ControllerError: A controller raises, or sets a wheel speed or a turn that is not a number.
         """
-        taken = self.steps
-        end = taken + whole("steps", steps)
+        end = self.steps + whole("steps", steps)
         while True:
-            self._run(min(self._unchanged(taken), end - taken), until_firing=until_firing)
-            taken = self.steps
-            if taken >= end or (until_firing and self.is_firing):
-                return self.last_step
+            self._run(self._unchanged(end), until_firing)
+            step = self.last_step
+            if step.number + 1 >= end or (until_firing and self.is_firing):
+                return step
 
     def stretch(self, steps: int) -> Stretch:
         """Take up to `steps` steps in one arena, at most to the reference's next firing; return data for measures.
 
         Raises what `advance` does.
         """
-        first, steps = self.steps, whole("steps", steps)
-        steps = min(self._unchanged(first), steps)  # in an arena that may be new
+        first = self.steps
+        steps = self._unchanged(first + whole("steps", steps))  # in an arena that may be new
         if self._history is None:
             self._history = History(self.scenario, self._scene, self._loop, self.last_step.arena)
         has_movables = self._arena.first_movable < len(self._arena.circles)
-        self._run(1 if has_movables else steps, history=self._history)
+        self._run(1 if has_movables else steps, True, self._history)
         return self._history.stretch(first, self.steps - first)
 
-    def _unchanged(self, taken: int) -> int:
-        """Carry out the entries of the schedule that are due; return how many steps may follow at once."""
+    def _unchanged(self, end: int) -> int:
+        """Carry out the entries of the schedule that are due; return how many steps up to `end` may follow at once."""
+        taken = self.steps
         while self._timed[0][0] == taken:
             self._carry_out(self._timed.popleft()[1])
-        return min(self._timed[0][0] - taken, self._most_unseen)
+        return min(self._timed[0][0] - taken, end - taken, self._most_unseen)
 
-    def _run(self, steps: int, *, until_firing: bool = True, history: History | None = None) -> None:
+    def _run(self, steps: int, until_firing: bool = True, history: History | None = None) -> None:
         """Take control steps; the error of a controller that fails names the robot."""
         if not self._turn.acquire(blocking=False):  # Chipmunk would end the process
             raise ValueError("another thread is taking steps of this simulation; give each thread a copy.copy of it")

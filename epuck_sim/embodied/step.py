@@ -177,7 +177,7 @@ def shown_steps(
             copy[:] = source
         if members_change:
             poses[~robots.present] = np.nan
-        return Step._make((number, time_s, *shown, {}))
+        return tuple.__new__(Step, (number, time_s, *shown, {}))  # twice as fast as `Step._make`
 
     return show
 

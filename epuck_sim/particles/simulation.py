@@ -356,7 +356,8 @@ class ParticleSimulation:
     @property
     def next_firing(self) -> tuple[int, float]:
         """Number of the nominal period, from 0, in which the next agent fires, and the share of it that has passed."""
-        periods, share = divmod(float(np.minimum.reduce(self._arrays.next_firing)), 1.0)
+        times = self._arrays.next_firing
+        periods, share = divmod(times.item(times.argmin()), 1.0)  # a third of the time of `min`
         return self.period + int(periods), share
 
     cycles = _number("cycles", "Number of firings of the reference so far.")

@@ -154,7 +154,8 @@ def run_robots(
     watch = SynchronyWatch(simulation)
     began = working_s()
     while not (watch.is_over or measuring.is_over()):
-        measuring.carry_out(watch, simulation.carry_out_scheduled)
+        if measuring.entries:
+            measuring.carry_out(watch, simulation.carry_out_scheduled)
         unseen = 1 if observers else min(watch.steps_left, MOST_STEPS)
         cycles = watch.cycles
         stretch = simulation.stretch(unseen) if measuring.at_stretches else None

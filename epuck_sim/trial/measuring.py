@@ -87,7 +87,8 @@ class Measuring:
         self.at_batches: list[Observer] = []  # update those that take many firings of agents at once, as a `Batch`
         self._values: dict[str, Callable[[], Value]] = {}
         self._watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
-        self._entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
+        # entries of the schedule that wait for a cycle or a condition, by their numbers
+        self.entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
         for section in scenario.measures:
             self._begin(section.find(), section.parameters, simulation)
         # those of the order parameter, which every trial measures
@@ -126,15 +127,15 @@ class Measuring:
     @property
     def next_cycle(self) -> int:
         """Number of the next firing after which an entry is to be carried out; `NEVER` if none waits for one."""
-        return min((entry.at_cycle for entry in self._entries.values() if entry.at_cycle is not None), default=NEVER)
+        return min((entry.at_cycle for entry in self.entries.values() if entry.at_cycle is not None), default=NEVER)
 
     def carry_out(self, state: TrialState, carry_out: Callable[[int], None]) -> None:
         """Carry out the entries that are due, by passing their numbers to `carry_out`; call this between two events."""
-        for number, entry in list(self._entries.items()):
+        for number, entry in self.entries.copy().items():
             by_cycle = entry.at_cycle is not None and state.cycles >= entry.at_cycle
             if by_cycle or (entry.when is not None and self._watches[condition_key(number)].has_held):
                 carry_out(number)
-                del self._entries[number]
+                del self.entries[number]
 
     def values(self) -> dict[str, Value]:
         """Return the value of each measure by its name; the trial must be over."""
