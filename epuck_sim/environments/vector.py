@@ -137,7 +137,7 @@ class AgentSpaces:
             motions = len(MOTIONS) if self.drives else 1
             shares, lit = MOTIONS[given % motions], given // motions == 1
         else:
-            shares, lit = np.minimum(np.maximum(given[..., :2], -1.0), 1.0), given[..., -1] > 0
+            shares, lit = given[..., :2], given[..., -1] > 0  # robots limit the speeds of their wheels
         if self.drives:
             wheels = self._limits_cm_s * shares
             actuators["left_cm_s"][:, self.chosen] = wheels[..., 0]
@@ -286,7 +286,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             raise ValueError(f"actions have the shape {given.shape}; allowed: {self.num_envs} rows, one for each agent")
         resting = self._is_over.copy()
         self.spaces.command(given.reshape(self.swarms, self.agents, *given.shape[1:]), self._actuators)
-        shares = [[swarm for swarm in share if not resting[swarm]] for share in self._shares]
+        rests = resting.tolist()
+        shares = [[swarm for swarm in share if not rests[swarm]] for share in self._shares]
         if self._pool is None:
             for share in shares:
                 self._advance(share)
@@ -295,7 +296,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             wait(working)  # even after an error: no thread may still run when the swarms begin anew
             for done in working:
                 done.result()
-        self._begin(np.flatnonzero(resting).tolist())
+        self._begin([swarm for swarm in range(self.swarms) if rests[swarm]])
         situation = self.look()
         # before users' functions change the arrays they get
         observations, infos = self._observe(situation), self._infos(situation)
@@ -303,8 +304,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         rewards = _for_each_robot(self._reward(situation), situation, resting)[:, self.spaces.chosen]
         truncated = (self._numbers >= self._last_step) & ~resting
         self._is_over = terminated | truncated
-        flags = np.repeat(terminated, self.agents), np.repeat(truncated, self.agents)
-        return observations, rewards.flatten(), *flags, infos
+        flags = terminated.repeat(self.agents), truncated.repeat(self.agents)
+        return observations, rewards.ravel(), *flags, infos
 
     def _ends(self, situation: Situation) -> BoolArray:
         """Return (swarms,) whether the user's condition ends each swarm's episode."""
@@ -318,7 +319,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
 
     def _advance(self, swarms: Sequence[int]) -> None:
         """Have the robots of these swarms act, and take the steps for which actions hold."""
-        ends, outcomes = self._numbers + (1 + self.control_steps), np.full(self.swarms, DONE)
+        ends, outcomes = (self._numbers + (1 + self.control_steps)).tolist(), np.full(self.swarms, DONE)
         outcomes[swarms] = AT_WORK
         try:
             act_together(*self._memories[0], self._places, self._copies, outcomes, self._steps_together)
@@ -332,7 +333,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             elif self._steps_together:
                 continue
             while simulation.steps < ends[swarm]:
-                step = simulation.advance(int(ends[swarm]) - simulation.steps, until_firing=True)
+                step = simulation.advance(ends[swarm] - simulation.steps, until_firing=True)
                 watch.look(step, is_firing=simulation.is_firing)
             self._copies[swarm] = self._memories[swarm][0][: self._copies.shape[1]]
 
@@ -379,9 +380,9 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         else:  # swarms differ in poses only, and are searched together
             touching = find_contacts(self._scene, situation.poses)[0]
         swarms, robots = situation.ring_on.shape
-        ends = touching[:, :1] * robots + touching[:, 1:]
-        counts: IntArray = np.bincount(ends[touching[:, 1:] >= 0], minlength=swarms * robots)
-        return counts.reshape(swarms, robots)
+        ends = touching[:, :1] * (robots + 1) + 1 + touching[:, 1:]  # column 0 is for all that is no robot
+        counts: IntArray = np.bincount(ends.ravel(), minlength=swarms * (robots + 1))
+        return counts.reshape(swarms, -1)[:, 1:]
 
     def close_extras(self, **_: Any) -> None:
         """End the threads; whoever goes on does so without."""
@@ -428,9 +429,11 @@ def _for_each_robot(rewards: npt.ArrayLike, situation: Situation, resting: BoolA
     if given.dtype.kind not in "biuf":
         wrong = f"values of the type {given.dtype}"
     elif given.shape in (shape, shape[:1]):
-        counted = np.where(resting[:, None], 0.0, given.reshape(len(given), -1).astype(float))
+        counted = np.empty(shape)
+        counted[:] = given.reshape(len(given), -1)
+        counted[resting] = 0.0
         if not np.isnan(counted).any():
-            return np.broadcast_to(counted, shape)
+            return counted
         wrong = "NaN"
     allowed = f"{shape[:1]}, one for each swarm, or {shape}, one for each robot"
     raise ValueError(f"reward returned {wrong}; allowed: numbers of the shape {allowed}")

@@ -5,6 +5,7 @@ The latter are left out unless `pip install mpe2 vmas` was done. What they simul
 
 from collections.abc import Callable
 from functools import partial
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # of other packages, which ar
 AGENTS = 10
 SWARM = {"robots": [{"controller": "external", "count": AGENTS}]}
 ROUNDS = 15
+HELD, DRAWN = 16, 64  # steps for which an action holds, so that no swarm is jammed for long; actions that take turns
 
 COLUMNS = "swarms", "us a swarm's step", "over that of the simulation"
 OTHERS = "example", "swarms", "us a swarm's step of ours", "of theirs", "theirs over ours"
@@ -34,11 +36,13 @@ def repeat(step: Work, times: int) -> Work:
     return steps
 
 
-def our_step(swarms: int, reward: str | Callable[[Any], Any] = "aggregation") -> Work:
-    """Return the step of a batch of ours whose episodes do not end, with random actions."""
+def our_step(swarms: int, reward: str | Callable[[Any], Any] = "aggregation", held: int = 0) -> Work:
+    """Return the step of a batch of ours whose episodes do not end, with random actions; others after `held` steps."""
     env = vector_env(SWARM, swarms, seed=1, reward=reward, episode_s=float("inf"))
     env.reset()
-    return partial(env.step, env.action_space.sample())
+    drawn = [env.action_space.sample() for _ in range(DRAWN if held else 1)]
+    actions = cycle([action for action in drawn for _ in range(max(1, held))])
+    return lambda: env.step(next(actions))
 
 
 @pytest.mark.parametrize("swarms", [1, 16, 256])
@@ -46,14 +50,14 @@ def test_steps_of_environments(show, swarms: int) -> None:
     random, alone, times = np.random.default_rng(0), Simulation(SWARM, 1), max(1, 64 // swarms)
 
     def advance_alone() -> None:
-        alone.command(*random.uniform(-12.8, 12.8, (2, AGENTS)))
-        alone.advance(16)
+        alone.command(*random.uniform(-12.8, 12.8, (2, AGENTS)), random.random(AGENTS) < 0.5)
+        alone.advance(HELD)
 
-    ours = our_step(swarms, lambda situation: situation.time_s)
+    ours = our_step(swarms, lambda situation: situation.time_s, HELD)
     works = {"ours": repeat(ours, times), "alone": repeat(advance_alone, 10)}
     found = take_turns(works, ROUNDS)
     step_us = found["ours"] / times / swarms
-    show(COLUMNS, swarms, np.median(step_us), np.median(step_us / found["alone"] * 160))
+    show(COLUMNS, swarms, np.median(step_us), np.median(step_us / found["alone"] * 10 * HELD))
 
 
 def test_resets(show) -> None:
