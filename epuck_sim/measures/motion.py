@@ -94,23 +94,22 @@ class VelocityCorrelationTime(_Moves):
         self._first_s = self._last_s = 0.0
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        self.take(self.moves(stretch))
+        moves = self.moves(stretch)
+        self.take(moves, len(moves))
 
     def batch(self, batch: Any, _: Any) -> None:
         if not self.has_bodies:
             self._first_s = self._first_s if self._terms[0] else batch.time_s[0]
             self._last_s = batch.time_s[-1]
-            for velocities in batch.velocities:  # one by one: products of matrices of other sizes differ in last digits
-                self.take(velocities[None])
+            self.take(batch.velocities, 1)  # products of matrices of other sizes differ in last digits
 
-    def take(self, moves: FloatArray) -> None:
-        """Add the products of (k, n, d) velocities with those up to `lags` before them, to the sum of each lag."""
-        if not len(moves):
-            return
-        latest = moves.reshape(len(moves), -1)
-        known = np.concatenate([self._last, latest]) if len(self._last) else latest
-        products = known @ known[len(known) - len(moves) :].T
-        add_products(self._sums, self._terms, products)
+    def take(self, velocities: FloatArray, together: int) -> None:
+        """Add the products of (k, n, d) velocities, so many together, with those up to `lags` before, by lag."""
+        columns = velocities.shape[1] * velocities.shape[2]
+        known = np.concatenate([each.reshape(-1, columns) for each in (self._last, velocities)])
+        for first in range(len(self._last), len(known), max(together, 1)):
+            factors = known[max(first - self.lags, 0) : first + together]
+            add_products(self._sums, self._terms, factors @ factors[len(factors) - together :].T)
         self._last = known[-self.lags :]
 
     def value(self) -> float | None:

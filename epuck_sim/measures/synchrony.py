@@ -118,14 +118,15 @@ def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
     >>> cluster_numbers(np.array([0.0, 0.99, 0.5]), 0.02).tolist()
     [0, 0, 1]
     """
-    numbers = np.zeros(phases.shape, np.int64)
+    numbers, angles = np.zeros(phases.shape, np.int64), phases % 1.0
     if numbers.size:
-        order = np.argsort(phases % 1.0, axis=-1, kind="stable")
-        ordered = np.take_along_axis(phases % 1.0, order, axis=-1)
-        is_end = np.diff(ordered, append=ordered[..., :1] + 1.0) > gap
-        ends = np.cumsum(is_end, axis=-1)
+        order = angles.argsort(axis=-1, kind="stable")
+        order += np.arange(0, order.size, order.shape[-1]).reshape(*order.shape[:-1], 1)  # in all phases, row by row
+        ordered = angles.take(order)
+        is_end = np.concatenate([ordered[..., 1:], ordered[..., :1] + 1.0], axis=-1) - ordered > gap
+        ends = is_end.cumsum(axis=-1)
         # phases after the last end belong to the first cluster, across phase 0
-        np.put_along_axis(numbers, order, (ends - is_end) % np.maximum(ends[..., -1:], 1), axis=-1)
+        numbers.put(order, (ends - is_end) % np.maximum(ends[..., -1:], 1))
     return numbers
 
 
