@@ -46,9 +46,8 @@ class _FlashViews(Shipped):
         self._counts: IntArray = np.zeros(3, np.int64)  # flashes times others: all, in view, in view in several steps
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        sightings = stretch.sightings
-        ends = rows_of_steps(sightings, stretch)
-        count_views(self._views, self._seen, self._counts, sightings, ends, stretch.ring_on)
+        sightings = stretch.sightings, rows_of_steps(stretch.sightings, stretch)
+        count_views(self._views, self._seen, self._counts, *sightings, stretch.ring_on)
 
 
 @jit

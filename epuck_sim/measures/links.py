@@ -8,7 +8,7 @@ links of a batch of cycles are ascending: each cycle adds the square of the popu
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,15 +17,18 @@ from epuck_sim.measures.common import Series, Share, Shipped, allowed, check_sig
 from epuck_sim.util.jit import jit
 
 NO_LINKS: IntArray = np.zeros(0, np.int64)
+MOST_WAITING = 10_000  # largest number of cycles, times the population, that wait to be taken together
 
 
 class Links(Shipped):
-    """Base class of measures of links: the links of each cycle of a batch, and of some cycles before."""
+    """Base class of measures of links: the links of each cycle of several, and of some cycles before."""
 
     MODELS = ("embodied", "particles")
     check_scenario = staticmethod(check_sight)
-    # number of cycles whose links are kept for the next batch, these links, and number of cycles before this batch
-    _keeps, _before, _passed = 0, NO_LINKS, 0
+    # records some cycles, so many, from their links, and negative ones: those of the cycles that are kept
+    take: Callable[[IntArray, int], None]
+    # number of cycles whose links are kept for the next ones, these links, and numbers of cycles taken and waiting
+    _keeps, _before, _passed, _waiting = 0, NO_LINKS, 0, 0
 
     def __post_init__(self) -> None:
         self._population = int(self.simulation.scenario.population)
@@ -34,19 +37,30 @@ class Links(Shipped):
 
     def stretch(self, stretch: Any, _: Any) -> None:
         _, looks, lit = stretch.sightings.T
-        self._seen.append(lit * self._population + looks)
+        self._seen.append((self._waiting * self._population + lit) * self._population + looks)
 
     def batch(self, batch: Any, _: Any) -> None:
-        own, cycles = np.unique(np.concatenate(self._seen)) if self.has_bodies else batch.links, len(batch.time_s)
-        links = np.concatenate([self._before, own])
+        if not self.has_bodies:
+            self._seen.append(batch.links + self._waiting * self._square)
+        self._waiting += len(batch.time_s)
+        if self._waiting * self._population >= MOST_WAITING:
+            self._take_waiting()
+
+    def _take_waiting(self) -> None:
+        """Take the cycles that are complete: for many of a small swarm numpy needs hardly longer than for one."""
+        if not self._waiting:
+            return
+        links, cycles, self._waiting = np.concatenate(self._seen), self._waiting, 0
+        end = cycles * self._square
+        self._seen = [links[links >= end] - end]
+        links = np.concatenate([self._before, np.unique(links[links < end]) if self.has_bodies else links])
         self.take(links, cycles)
-        self._seen = [NO_LINKS]
-        self._before = links[links >= (cycles - self._keeps) * self._square] - cycles * self._square
+        self._before = links[links >= end - self._keeps * self._square] - end
         self._passed += cycles
 
-    def take(self, links: IntArray, cycles: int) -> None:
-        """Record some cycles from their links, and negative ones: those of the cycles that are kept."""
-        raise NotImplementedError
+    def value(self) -> Any:
+        self._take_waiting()
+        return super().value()  # type: ignore[misc]
 
     def of_rows(self, links: IntArray, first: int, end: int) -> IntArray:
         """Return the links of some cycles, `first` up to `end`, together, as if they were of the first of a batch."""
@@ -193,6 +207,8 @@ class Isolated(Links, Series):
 class _Components(Links, Series):
     """Base class of both measures of components, whose values are None before `cycles` cycles have passed."""
 
+    # returns the list of values of some cycles, so many, from the sizes of components, and the cycle of each
+    of_sizes: ClassVar[Callable[..., Any]]
     connection: str = "weak"
     cycles: int = 1
     check = staticmethod(allowed(connection=one_of(CONNECTIONS), cycles=(lambda cycles: cycles >= 1, "1 and above")))
@@ -208,10 +224,6 @@ class _Components(Links, Series):
         known = self.of_sizes(*component_sizes(links, self._population, self.connection, cycles), cycles)
         unknown = min(max(self._keeps - self._passed, 0), cycles)
         self._series += [None] * unknown + known[unknown:]
-
-    def of_sizes(self, sizes: IntArray, cycle_of: IntArray, cycles: int) -> Any:
-        """Return the list of values of some cycles from the sizes of components, and the cycle of each."""
-        raise NotImplementedError
 
 
 class ComponentCount(_Components):
@@ -248,4 +260,5 @@ class SpanningTime(Links):
 
     def value(self) -> int | None:
         """Return the number of cycles; None if the trial ends before."""
+        self._take_waiting()
         return self._cycles or None
