@@ -43,8 +43,7 @@ def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, 
     pixels, central = section.pixels, section.central_pixels or section.pixels
     pitch = math.radians(section.field_of_view_deg) / pixels
     angles = math.radians(section.field_of_view_deg) / 2 - pitch * (np.arange(pixels) + 0.5)
-    for ray, angle in zip(rays, angles, strict=True):
-        ray.sin, ray.cos = elementary.sin_cos(angle)
+    rays["sin"], rays["cos"] = np.transpose([elementary.sin_cos(angle) for angle in angles.tolist()])
     record.first = (pixels - central) // 2
     record.end = record.first + central
     record.left_rad = angles[0]
