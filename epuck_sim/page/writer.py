@@ -27,7 +27,6 @@ from epuck_sim.scenario.loader import load_scenario, robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, ScenarioLike
 from epuck_sim.statistics.statistic import student_quantile
-from epuck_sim.util.builtin import ARENAS, builtin_files
 
 WEB = Path(__file__).parent / "web"
 CORE = ("kernels.js", "agents.js", "robots.js", "trials.js")  # scripts that workers run, too
@@ -73,7 +72,7 @@ class Page:
     """
 
     def __init__(self, scenario: ScenarioLike, seed: int | None = None) -> None:
-        """Make the page of a scenario, with another seed; it has commands if this is a shipped scenario.
+        """Make the page of a scenario, with another seed; it has commands if the scenario is given by name or file.
 
         Args:
             scenario: A scenario, such as a simulation's, or what `load_scenario` takes.
@@ -83,8 +82,7 @@ class Page:
             ScenarioError: The scenario is not allowed, or cannot be a page; the message names the key.
         """
         given = load_scenario(scenario, [] if seed is None else [f"seed={seed}"])
-        is_shipped = given.name in builtin_files(ARENAS) and load_scenario(given.name, [f"seed={given.seed}"]) == given
-        self.html = make_page(given, given.name * is_shipped)
+        self.html = make_page(given, shlex.quote(str(scenario)) if isinstance(scenario, str | Path) else "")
 
     def _repr_html_(self) -> str:
         frame = 'width="100%" height="900" style="border: 0" sandbox="allow-scripts allow-downloads"'

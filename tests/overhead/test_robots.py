@@ -341,7 +341,7 @@ def test_tables_are_written_as_csv_and_as_parquet_alike_without_rows_for_a_film_
         for column, values in expected.items():
             kept = np.array([np.nan if value is None else value for value in written[column].to_pylist()], float)
             assert kept == pytest.approx(values.astype(float), nan_ok=True)
-            words = [{"": "nan", "True": "1", "False": "0"}.get(row[column], row[column]) for row in texts]
+            words = [{"": "nan", "true": "1", "false": "0"}.get(row[column], row[column]) for row in texts]
             assert np.array(words, float) == pytest.approx(values.astype(float), nan_ok=True, rel=1e-5, abs=1e-6)
     assert written.schema.metadata[b"film"] == b"film.mp4"
     assert link_flashes(FlashTable.of(()), PERIOD_S, FLOOR_CM)[::3] == (pytest.approx(np.empty(0)), 0)
