@@ -15,8 +15,6 @@ import numpy as np
 
 from epuck_sim.arrays import IntArray
 
-# --- angles: what remains beside whole quarter turns ---------------------------------------------------
-
 _QUARTERS_PER_RAD = 6.36619772367581382433e-01
 _QUARTER_1, _QUARTER_2, _QUARTER_3 = 1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21
 """A quarter turn, pi / 2, in three parts: 118 bits. The first two have 33 each, so that their multiples are exact."""
@@ -111,9 +109,6 @@ def _reduce(angle: float) -> tuple[int, float, float]:
     return _reduce_exactly(angle)
 
 
-# --- sine, cosine and tangent --------------------------------------------------------------------------
-
-
 def sin_cos(angle: float) -> tuple[float, float]:
     """Return the sine and the cosine of an angle in radians; NaN if it is infinite."""
     quarters, x, tail = _reduce(angle)
@@ -174,9 +169,6 @@ def tan(angle: float) -> float:
     return upper_inverse + inverse * ((1.0 + upper_inverse * upper) + upper_inverse * (r - (upper - x)))
 
 
-# --- points: angle and distance -----------------------------------------------------------------------------------
-
-
 def atan(tangent: float) -> float:
     """Return the angle in radians, from -pi / 2 to pi / 2, that has a tangent."""
     x, at, at_rest = abs(tangent), 0.0, 0.0
@@ -213,8 +205,6 @@ def hypot(x: float, y: float) -> float:
     """Return the length of the vector (x, y), unless it is below 1e-150 or above 1e150, as none in an arena is."""
     return math.sqrt(x * x + y * y)
 
-
-# --- exponential and logarithm -------------------------------------------------------------------------
 
 _PER_LOG_2, _LOG_2, _LOG_2_REST = 1.44269504088896338700, 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _LARGEST, _SMALLEST = 7.09782712893383973096e02, -7.45133219101941108420e02

@@ -44,9 +44,6 @@ _ALLOWED: Mapping[type, str] = {bool: "true or false", int: "a whole number", fl
 _Parameter = TypeVar("_Parameter", bound=Value | str)
 
 
-# --- finding ----------------------------------------------------------------------------------------
-
-
 class Place(NamedTuple):
     """Where something that a user has named comes from."""
 
@@ -144,9 +141,6 @@ def _file_of(module: str, suffix: str) -> Path | None:
     endings = ("/__init__.py", ".py") if suffix == ".py" else (suffix,)
     files = [Path("/".join([folder, *inner]) + ending) for folder in folders for ending in endings]
     return next((file.resolve() for file in files if file.is_file()), None)
-
-
-# --- loading ----------------------------------------------------------------------------------------
 
 
 class HasSources(Protocol):
@@ -314,9 +308,6 @@ def line_of_definition(name: str, source: bytes) -> int:
         if name in named:
             line = node.lineno
     return line
-
-
-# --- parameters -------------------------------------------------------------------------------------
 
 
 def with_defaults(owner: str, given: Mapping[str, object], defaults: Mapping[str, _Parameter]) -> dict[str, _Parameter]:

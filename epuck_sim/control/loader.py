@@ -105,8 +105,6 @@ def _robot_code(place: Place, file: PythonFile) -> RobotCode:
     return RobotCode(place.short_name, place.name, file.path, parameters, check, file.sources, file.modules)
 
 
-# --- sensors ------------------------------------------------------------------------------------------
-
 SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=dict)
 """How sensors in files of their own are found."""
 
@@ -139,9 +137,6 @@ def _load_sensor(place: Place) -> Sensor:
     check_own_names(sensor)
     check_draws(file, DRAW)
     return sensor
-
-
-# --- values that a program sets ------------------------------------------------------------------------
 
 
 def check_imported_copies(controller: RobotCode) -> None:

@@ -296,8 +296,6 @@ def _in_python(swarm: Swarm, world: World, calls: Sequence[tuple[Any, int]]) -> 
     return bind(steps.function, swarm_at=lambda _: swarm, begin_step=begin, make_calls=make)
 
 
-# --- stretches of steps, for measures --------------------------------------------------------------------
-
 MOST_STEPS = 50
 """Largest number of steps that compiled code takes before Python has its turn, for Ctrl-C and for progress."""
 

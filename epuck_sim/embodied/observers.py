@@ -61,8 +61,6 @@ def _with_room(write: Callable[..., int], *arrays: Any) -> Any:
     return _with_room(write, *(np.empty((count, array.shape[1]), array.dtype) for array in arrays))
 
 
-# --- who sees whom --------------------------------------------------------------------------------------
-
 MANY_SEEN = 16  # number of robots in view for which there is room at first: hardly any robot sees more on average
 
 
@@ -150,9 +148,6 @@ def _add(step: int, robot: int, other: int, found: IntArray, count: int) -> int:
     if count < len(found):
         found[count, 0], found[count, 1], found[count, 2] = step, robot, other
     return count + 1
-
-
-# --- who touches what -----------------------------------------------------------------------------------
 
 
 def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray]:

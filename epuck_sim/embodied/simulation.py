@@ -249,8 +249,6 @@ class Simulation:
         code = f"sensor {self._sensors[sensor - 1].name}" if sensor else "controller"
         return (robot, int(self._step[0]), code) if robot >= 0 else None
 
-    # --- steps ----------------------------------------------------------------------------------------
-
     def __iter__(self) -> Self:
         return self
 
@@ -332,8 +330,6 @@ class Simulation:
 
     def _location(self, robot: int) -> str:
         return f"{self.scenario.name}: robot {robot}, step {max(self.steps - 1, 0)}, seed {self.seed}"
-
-    # --- changes --------------------------------------------------------------------------------------
 
     def command(
         self,
@@ -472,8 +468,6 @@ class Simulation:
         self._has_replaced = True
         self._show(arena)
         return replaced
-
-    # --- snapshots ------------------------------------------------------------------------------------
 
     def _note(self, method: str, *given: Any, **values: Any) -> None:
         self._changes.append(Change(self.steps, method, given, values))

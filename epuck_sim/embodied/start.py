@@ -72,8 +72,6 @@ def vary(block: ByteArray) -> None:
             robot.infrared_gain[sensor] = 1 + spread[3] * (2 * uniform(random) - 1)
 
 
-# --- placement ----------------------------------------------------------------------------------------
-
 GRID_HEADINGS = 8  # number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)
 MAX_DRAWS = 10_000  # number of random positions tried for a robot before the arena counts as full
 

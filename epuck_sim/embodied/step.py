@@ -188,9 +188,6 @@ def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return view
 
 
-# --- fields by name, for measures, traces and recordings -------------------------------------------------
-
-
 def memory_values(memories: Sequence[npt.NDArray[Any]], field: str) -> FloatArray:
     """Return (..., robots) a copy of a field of all groups' memories; NaN for robots that have no such field."""
     parts = [
@@ -245,8 +242,6 @@ def check_fields(scenario: EmbodiedScenario, fields: Sequence[str]) -> None:
         for field in fields:
             check_field(scenario, field)
 
-
-# --- in notebooks --------------------------------------------------------------------------------------
 
 MOST_ROBOTS = 50  # maximum number of robots in a table
 PIXEL_PX, ROW_PX = 2, 12  # width and height of a camera's pixel in a table, in pixels of the screen

@@ -154,8 +154,6 @@ class UserCode(ABC):
         return None
 
 
-# --- controllers --------------------------------------------------------------------------------------
-
 E_GROUP = np.dtype(
     [
         *(("robots", np.int64), ("pixels", np.int64), ("memory_size", np.int64), ("parameters_size", np.int64)),
@@ -344,9 +342,6 @@ def _e_groups(swarm: Swarm, number: int) -> Records:
     each["memory"] = block + group.memory + group.memory_bytes * numbers
     each["parameters"] = block + group.parameters
     return records
-
-
-# --- readings for controllers: those of all robots, and those of sensors in files ------------------------
 
 
 def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:

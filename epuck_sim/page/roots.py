@@ -133,8 +133,6 @@ def _kernel_of(user: Any, function: Any, functions: Mapping[str, Any], values: M
     return SimpleNamespace(function=bound, part=compile_part(bound, error_model="python", boundscheck=True))
 
 
-# --- of a scenario's own files --------------------------------------------------------------------------
-
 CURVE = "run_curve"
 
 
@@ -166,8 +164,6 @@ def own_roots(scenario: EmbodiedScenario | ParticleScenario) -> dict[str, Root]:
     }
     return found | {root: sensor_root(sensor) for sensor, root in own_sensors(scenario).items()}
 
-
-# --- what a module is made from ------------------------------------------------------------------------
 
 BUILDERS = ("build.py", "chipmunk.c")  # files that decide how a module is made
 

@@ -37,9 +37,6 @@ TABLE_SIZE = 1000
 them bounds the motion of all agents, and neighbours are cached by that bound."""
 
 
-# --- rules --------------------------------------------------------------------------------------------
-
-
 class Rules(NamedTuple):
     """Constants that all swarms of a scenario share, whatever their seeds."""
 
@@ -153,9 +150,6 @@ def _scene_values(scenario: ParticleScenario, response: Response) -> dict[str, A
         "max_offset": 1.0 if stop.max_time_s is not None else max_offset,  # then a trial may end between two firings
         "order_parameter": math.nan,
     }
-
-
-# --- initial conditions -------------------------------------------------------------------------------
 
 
 @jit

@@ -255,9 +255,6 @@ def reorient_each(block: ByteArray, agents: IndexArray, is_done: BoolArray, time
             is_done[agent] = True
 
 
-# --- directions: anywhere, or around the present one ----------------------------------------------------
-
-
 @jit_inline
 def random_heading(heading: FloatArray, stream: StreamArray) -> None:
     """Draw a heading, (dimensions,), uniformly over all directions."""

@@ -192,9 +192,6 @@ def search_of(scene: Any) -> Any:
     return search_cells if scene.cells else searches.get(scene.kind, search_cone)
 
 
-# --- parts of searches -------------------------------------------------------------------------------
-
-
 @jit_inline
 def _place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> int:
     """Compute the positions of all agents at a time, unless that is done; return the number of agents."""

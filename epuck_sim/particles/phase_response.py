@@ -123,8 +123,6 @@ def order_change(response: Response, phases: npt.ArrayLike) -> FloatArray:
     return change
 
 
-# --- a user's curve ----------------------------------------------------------------------------------
-
 if TYPE_CHECKING:  # `bind` provides them
     _shift: Callable[..., float]
     _PARAMETERS: np.dtype[Any]

@@ -274,9 +274,6 @@ def keep_state(before: Arrays, after: Arrays) -> None:
         getattr(after, name)[:] = getattr(before, name)
 
 
-# --- what compiled code takes from a block ------------------------------------------------------------
-
-
 def _part(name: str, fields: str) -> Any:
     """Return the class of the named tuples of some arrays, and of the scene, that `native.carve` makes."""
     part = cast(Any, namedtuple)(name, fields)  # its own type demands literal names

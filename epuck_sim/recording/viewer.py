@@ -149,8 +149,6 @@ def _settled(take: Callable[[], bytes]) -> bytes:
         time.sleep(0.5)
 
 
-# --- a trial while it runs ------------------------------------------------------------------------------
-
 PAUSE, STEP, END = " ", "n", "q"  # keys that pause or continue the trial, take one step, and end it
 
 MOST_LATE_S = 2.0  # delay beyond which a trial continues from there at its pace; with a smaller one it catches up

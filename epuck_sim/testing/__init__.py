@@ -234,9 +234,6 @@ class Record:
         return self._values[name]
 
 
-# --- scenes --------------------------------------------------------------------------------------------
-
-
 def facing_wall(
     controller: str | Path,
     gap_cm: float = 5.0,

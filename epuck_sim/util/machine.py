@@ -111,8 +111,6 @@ def _read(path: str | Path) -> str:
         return ""
 
 
-# --- ports at which browsers find pages ---------------------------------------------------------------
-
 HOST = "127.0.0.1"  # address at which pages are served: other machines cannot reach them
 
 BLOCKED_PORTS = frozenset(

@@ -70,9 +70,6 @@ FIRST = HIDE + 1
 END = FIRST + len(FUNCTIONS)  # index of the first address that differs between the worlds of a process
 
 
-# --- a control step -----------------------------------------------------------------------------------
-
-
 @jit_no_alloc
 def move_bodies(block: ByteArray, addresses: IntArray) -> None:
     """Move all bodies of a block for a control step.
@@ -163,9 +160,6 @@ def _leave(swarm: Swarm, addresses: IntArray, number: int) -> None:
     call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], addresses[first + 1])
     call_c(addresses[_REMOVE_BODY], addresses[SPACE], addresses[first])
     swarm.robots[number].in_space = False
-
-
-# --- a trial ------------------------------------------------------------------------------------------
 
 
 @jit_no_alloc

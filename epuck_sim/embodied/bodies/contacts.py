@@ -275,9 +275,6 @@ def _move(swarm: Swarm, number: int, steps: int) -> None:
         other.heading += other.spin * time_s
 
 
-# --- candidates that Chipmunk moves ---------------------------------------------------------------------
-
-
 @jit_no_alloc
 def add_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
     """Add to the candidates, `found` so far, the robots that may touch one at (x, y) in the next physics step.

@@ -116,9 +116,6 @@ def take_events(swarm: Swarm) -> list[TrialEvent]:
     return events
 
 
-# --- effects of faults ------------------------------------------------------------------------------
-
-
 @jit_no_alloc
 def hold(block: ByteArray, _addresses: IntArray, number: int) -> None:
     """Restart the oscillators of a group that are due, and save phases and rings for `freeze`, before robots sense.

@@ -106,8 +106,6 @@ def _move(old_block: ByteArray, block: ByteArray, replaced: int) -> None:
             block[after.parameters :][:size] = old_block[group.parameters :][:size]
 
 
-# --- files that are saved ------------------------------------------------------------------------------
-
 LOOK_S = 0.25  # time between two looks at the files, s
 SETTLED_S = 0.1  # time after the last write to a file, s, from which it counts as saved completely
 

@@ -24,9 +24,6 @@ SLACK_CM = 1e-6
 """Allowance in cm on a robot's radius, so that rounding never rules out a robot that a ray just meets."""
 
 
-# --- rays ---------------------------------------------------------------------------------------------
-
-
 @jit_inline
 def to_disc(ox: float, oy: float, dx: float, dy: float, cx: float, cy: float, radius: float) -> float:
     """Return the distance along the ray to the disc of `radius` around (cx, cy)."""
@@ -60,9 +57,6 @@ def to_segment(ox: float, oy: float, dx: float, dy: float, ax: float, ay: float,
     if distance < 0.0 or share < 0.0 or share > 1.0:
         return math.inf
     return distance
-
-
-# --- views --------------------------------------------------------------------------------------------
 
 
 class FieldOfView(NamedTuple):
