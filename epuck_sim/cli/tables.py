@@ -95,8 +95,7 @@ def _summary(results: "Sequence[TrialResult]", max_cycles: int) -> str:
     return f"T_sync of {len(results)} trials: {ends}; {100 * measured.censored:.0f} % censored"
 
 
-MOST_LISTED = 10
-"""Maximum number of kinds of failures, and of shares without a folder, that are listed."""
+MOST_LISTED = 10  # maximum number of kinds of failures, and of shares without a folder, that are listed
 
 _OF_ONE_TRIAL = re.compile(r"^.*?, seed \d+: (?:[^:]*/(?=[^/:]+:\d+: ))?")
 """Beginning of an error that others of its kind do not share: whose it is, and the folders of its file."""

@@ -369,7 +369,6 @@ class History:
     """Takes steps of a simulation's control loop in one arena, and records them for measures."""
 
     def __init__(self, scenario: EmbodiedScenario, scene: Scene, loop: ControlLoop, arena: Arena) -> None:
-        """Make arrays for `MOST_STEPS` steps."""
         self._loop, self._arena, self._block, swarm = loop, arena, scene.block, scene.swarm
         self._present: BoolArray = swarm.robots.present
         robots, places = len(swarm.robots), []

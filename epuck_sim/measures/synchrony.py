@@ -132,8 +132,6 @@ def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
 
 @dataclass
 class _Clusters(Shipped):
-    """Base class of measures of clusters."""
-
     gap: float = 0.02
     check = staticmethod(allowed(gap=BELOW_HALF_A_CYCLE))
 

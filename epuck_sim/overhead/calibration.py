@@ -120,8 +120,7 @@ class TrackOptions(NamedTuple):
 
     lens: Path | None = None  # the file of the lens, if it was calibrated
     tags: str | None = None  # dictionary of the ArUco tags on top of robots, by which they are told apart
-    tag_numbers: frozenset[int] | None = None
-    """Numbers of the tags in use; if it is None, those that are read often."""
+    tag_numbers: frozenset[int] | None = None  # numbers of the tags in use; if it is None, those that are read often
     start_s: float = 0.0  # time on the film's clock before which frames are left out
     end_s: float = math.inf  # time on the film's clock after which frames are left out
     fps: float | None = None  # frames per second, instead of the film's own time stamps

@@ -50,8 +50,7 @@ class Track(NamedTuple):
     estimated: tuple[str, ...]  # which of `period_s` and `threshold_ms` were estimated from the film
     rings_outside: int  # number of rings seen outside of the floor, in all frames; they are left out
     always_lit: int  # number of places with rings that stayed lit for longer than half a period; they are left out
-    position_error_mm: float | None
-    """Standard error of positions that the geometry gives; None if it is not known."""
+    position_error_mm: float | None  # standard error of positions that the geometry gives; None if it is not known
     robots_seen: int  # largest number of rings lit at once in two consecutive frames
     flashes_per_period: float  # mean number of flashes per period, over the time without gaps between frames
     t_sync_s: float | None

@@ -24,8 +24,7 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.native import carve
 
-FROZEN_RATE = 2.0**-60
-"""Rate of the clock of a frozen oscillator: its phase stays, as far as it has digits."""
+FROZEN_RATE = 2.0**-60  # rate of the clock of a frozen oscillator: its phase stays, as far as it has digits
 
 
 def begin_faults(swarm: Arrays, scenario: ParticleScenario, seed: int) -> None:

@@ -40,8 +40,7 @@ them bounds the motion of all agents, and neighbours are cached by that bound.""
 class Rules(NamedTuple):
     """Constants that all swarms of a scenario share, whatever their seeds."""
 
-    beginning: ByteArray
-    """Bytes with which the block of a new swarm begins; the rest of its bytes do not matter."""
+    beginning: ByteArray  # bytes with which the block of a new swarm begins; the rest of its bytes do not matter
     size: int  # number of bytes of a block
     addresses: IntArray
     """Addresses, in this process, of the functions that compiled code calls, see `swarm.SEARCH`; 0 where unused."""

@@ -58,7 +58,6 @@ class Event(NamedTuple):
 
 
 def _number(name: str, text: str) -> property:
-    """Return a property that is a whole number of the scene."""
     return property(lambda simulation: int(simulation._state[name].item()), doc=text)
 
 

@@ -231,7 +231,6 @@ class Arrays:
     """Arrays of a block for Python, in place, by their names in `ARRAYS`; those with a row an axis are (rows, n)."""
 
     def __init__(self, block: ByteArray) -> None:
-        """Refer to a block, which stays as it is."""
         self.block, self.scene = block, scene_of(block)
 
     def __getattr__(self, name: str) -> npt.NDArray[Any]:

@@ -262,8 +262,7 @@ class PointAtLimit(NamedTuple):
     trials: int  # number of these trials
 
 
-FEW_TRIALS = 20
-"""Number of trials (or all of them, at smaller points) that are taken as representative of their point."""
+FEW_TRIALS = 20  # number of trials (or all of them, at smaller points) that are taken as representative of their point
 
 
 class Status(NamedTuple):

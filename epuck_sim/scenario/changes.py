@@ -184,7 +184,6 @@ class Displacement(ConfigModel):
         return getattr(self, "agents", None) or getattr(self, "robots", None)
 
     def __str__(self) -> str:
-        """Return the displacement in words."""
         whose = "all phases" if self.whom is None else f"phases of {', '.join(map(str, self.whom))}"
         by = self.by_cycles if isinstance(self.by_cycles, str) else f"by {self.by_cycles:g} cycles"
         return f"{whose} {by}"

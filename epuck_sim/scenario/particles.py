@@ -18,13 +18,7 @@ from pydantic import BeforeValidator, Field
 from epuck_sim.control.names import check_draws
 from epuck_sim.errors import CurveError, EpuckSimError, ScenarioError
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, Positive, WholeNumber, check_range, refused_at
-from epuck_sim.scenario.changes import (
-    NOT_OF_AGENTS,
-    AgentScheduleEntry,
-    AnyFault,
-    check_changes,
-    notes_on_faults,
-)
+from epuck_sim.scenario.changes import NOT_OF_AGENTS, AgentScheduleEntry, AnyFault, check_changes, notes_on_faults
 from epuck_sim.scenario.keys import set_values
 from epuck_sim.scenario.scenario import Scenario, StopSection
 from epuck_sim.user_files import Kind, Place, Value, kept, line_of_error, load_python_file, with_defaults

@@ -52,7 +52,6 @@ class Condition(ConfigModel):
         return bool(RELATIONS[self.relation](value, self.value))
 
     def __str__(self) -> str:
-        """Return the condition as text."""
         return f"{self.measure} {self.relation} {self.value:.12g}"
 
 

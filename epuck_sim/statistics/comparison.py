@@ -208,8 +208,7 @@ class PointComparison(NamedTuple):
     axes: dict[str, Any]
     trials: tuple[int, int]
     censored: tuple[float, float]  # share of censored trials of each, at the lower limit if they are compared
-    statistic: str
-    """Mean, restricted mean where trials are censored, or share of truth values that are true."""
+    statistic: str  # mean, restricted mean where trials are censored, or share of truth values that are true
     first: Estimate  # undetermined where all trials are censored, as are difference and ratio then
     second: Estimate
     difference: Estimate  # B - A

@@ -376,7 +376,6 @@ class Summaries(list[PointSummary]):
     """The statistics of the points of a sweep; notebooks show them as a table."""
 
     def __init__(self, points: Sequence[PointSummary], label: str) -> None:
-        """Store the points, and the label of the estimated quantity."""
         super().__init__(points)
         self.label = label
 

@@ -111,15 +111,13 @@ def _slots(client: "Client", address: str) -> Callable[[], int]:
     return slots
 
 
-OwnFiles = dict[tuple[str, ...], tuple[str, ...]]
-"""Users' files of scenarios, see `own_files`, by `Scenario.compiled`."""
+OwnFiles = dict[tuple[str, ...], tuple[str, ...]]  # users' files of scenarios, see `own_files`, by `Scenario.compiled`
 
 
 class SameVersionsExecutor(Executor):
     """Hands work to workers that refuse it if they are not like this process."""
 
     def __init__(self, executor: Executor) -> None:
-        """Wrap the executor that reaches the workers."""
         self._executor = executor
         self._files: OwnFiles = {}
 

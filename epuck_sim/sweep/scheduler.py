@@ -162,7 +162,6 @@ class TaskQueue:
     """Queue of trials to run; tasks are made one by one as they are taken, so that they need no memory before."""
 
     def __init__(self, tasks: Iterable[Task], count: int) -> None:
-        """Make a queue of `count` tasks."""
         self._waiting = [(-math.inf, 0, iter(tasks))]  # a heap
         self._entries = 0
         self._returned: deque[Task] = deque()

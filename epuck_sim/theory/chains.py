@@ -84,12 +84,7 @@ class Limit(NamedTuple):
 
 
 def find_limit(
-    response: Response,
-    threshold: float,
-    snapshots: BoolArray,
-    hold: float,
-    jitter: float = 0.0,
-    chains: int = CHAINS,
+    response: Response, threshold: float, snapshots: BoolArray, hold: float, jitter: float = 0.0, chains: int = CHAINS
 ) -> Limit:
     """Return T_sync on snapshots of a swarm, (snapshots, agents, agents): sender, receiver; for `hold` see `Limit`."""
     if not len(snapshots):

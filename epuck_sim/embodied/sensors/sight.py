@@ -20,8 +20,7 @@ SECTOR_RAD = 1.0
 ATAN2_ERROR_RAD = 1.2e-5
 """Bound of the error of `fast_atan2` in rad: at most 1.15e-5, near the diagonals (Abramowitz and Stegun 4.4.49)."""
 
-SLACK_CM = 1e-6
-"""Allowance in cm on a robot's radius, so that rounding never rules out a robot that a ray just meets."""
+SLACK_CM = 1e-6  # allowance in cm on a robot's radius, so that rounding never rules out a robot that a ray just meets
 
 
 @jit_inline
