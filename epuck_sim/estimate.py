@@ -14,7 +14,6 @@ times as wide as the mean; with 3 they are 3 to 8 times as wide, and tell nothin
 """
 
 DIGITS = 3  # significant digits of numbers that people read; JSON has all of them
-
 PLAIN = (1e-4, 1e7)  # range of absolute values that are written out; other numbers have a power of ten
 
 

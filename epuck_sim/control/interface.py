@@ -30,9 +30,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.user_files import Value, parameter_type, run_check, with_defaults
 
 EXTERNAL = ("wheels", "ring")  # parts of a robot that a controller may leave to commands from outside
-
 SENSORS = 8  # number of proximity sensors that a robot can read; it may have fewer
-
 MAX_MESSAGES = 8  # largest number of messages that a robot can read in one control step
 
 _NO_MESSAGES = np.zeros(MAX_MESSAGES, np.int64)

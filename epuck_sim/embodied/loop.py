@@ -399,9 +399,6 @@ class History:
         return Stretch(first, self._present, self._scene, *(each[:steps] for each in self._arrays))
 
 
-# --- commands from outside, to robots whose wheels or rings are not their controller's (`EXTERNAL`) -------
-
-
 def check_command(name: str, values: npt.NDArray[Any], robots: IntArray) -> None:
     """Raise ValueError if a command, by its name in `ACTUATORS`, to these robots is not allowed."""
     part = "ring" if name == "ring_on" else "wheels"

@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import chain
@@ -150,7 +150,7 @@ class UnpluggedError(FilmError):
     """A camera delivers no pictures any more."""
 
 
-class LiveCamera:
+class LiveCamera(AbstractContextManager["LiveCamera"]):
     """A context manager that keeps a camera open; the film of a camera has no end."""
 
     width_px = height_px = 0
@@ -177,9 +177,6 @@ class LiveCamera:
         self._zero_s += first.time_s
         self.height_px, self.width_px = first.picture.shape[:2]
         self._frames = self._read(Frame(0.0, first.picture))
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._frames.close()

@@ -168,12 +168,6 @@ def own_roots(scenario: EmbodiedScenario | ParticleScenario) -> dict[str, Root]:
 BUILDERS = ("build.py", "chipmunk.c")  # files that decide how a module is made
 
 
-def is_fresh(model: Model) -> bool:
-    """Return whether the WebAssembly of a model is made from the present kernels."""
-    path = FOLDER / f"{model}.digest"
-    return path.exists() and path.read_text().strip() == digest_kernels(model)
-
-
 def digest_kernels(model: Model) -> str:
     """Return a digest of a model's kernels, all that they call, and the values of the package that they use."""
     made, seen = hashlib.sha256(), set[Any]()

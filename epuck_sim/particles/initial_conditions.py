@@ -241,11 +241,8 @@ def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
     return generator
 
 
-# --- distributions of speeds and periods (thesis 5.4.2, 6.2) ------------------------------------------
-
-
 def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
-    """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins."""
+    """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins (thesis 6.2)."""
     agents = scenario.agents
     generator = _generator_after(seed, swarm.POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
     spread, shares = agents.speed_spread or 0.0, np.ones(agents.count)
@@ -305,7 +302,6 @@ def _lognormal_sigma(spread: float) -> float:
 
 
 def _two_speeds(agents: AgentsSection) -> tuple[float, float]:
-    """Return the speeds of slow and of fast agents, relative to the mean."""
     share, ratio = agents.fast_share or 0.0, agents.fast_ratio or 1.0
     slow = 1 / (1 + share * (ratio - 1))
     return slow, ratio * slow

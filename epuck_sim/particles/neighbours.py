@@ -117,9 +117,6 @@ def _cache_until(neighbours: Neighbours, agent: int, time: float, until: float) 
         neighbours.skip_count[agent] = SKIPPED_PULSES if neighbours.scene.kind == NEAREST else SKIPPED_PULSES_CONE
 
 
-# --- searches, which are called by their addresses; see `swarm.SEARCH` ---------------------------------
-
-
 @jit_no_alloc
 def search_nearest(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find the agents nearest to an agent, among all."""

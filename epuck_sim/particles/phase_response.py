@@ -119,8 +119,7 @@ def order_change(response: Response, phases: npt.ArrayLike) -> FloatArray:
     before = np.asarray(phases, np.float64)
     after = before + phase_shift(response, before)
     # two oscillators a distance d apart have the order parameter |1 + exp(2 pi i d)| / 2 = |cos(pi d)|
-    change: FloatArray = np.abs(np.cos(math.pi * after)) - np.abs(np.cos(math.pi * before))
-    return change
+    return np.abs(np.cos(math.pi * after)) - np.abs(np.cos(math.pi * before))
 
 
 if TYPE_CHECKING:  # `bind` provides them

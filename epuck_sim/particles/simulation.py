@@ -32,7 +32,6 @@ from epuck_sim.util.messages import numbered, whole
 from epuck_sim.util.native import address_of
 
 NEVER: Moment = (math.inf, 0.0)  # later than any moment of a trial
-
 UNLIMITED = 2**62  # larger than any count or cycle number
 
 SHIFTS_ONLY = 50
@@ -156,7 +155,6 @@ class ParticleSimulation:
         return {**kept, **own}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a state, in this process or another."""
         block = state.pop("block")
         vars(self).update(state)
         self._rules = rules_of(self.scenario)
@@ -360,9 +358,7 @@ class ParticleSimulation:
         return self.period + int(periods), share
 
     cycles = _number("cycles", "Number of firings of the reference so far.")
-
     instants = _number("instants", "Number of instants, so far, at which at least one agent fired.")
-
     firings = _number("firings", "Number of firings of all agents so far.")
 
     @property

@@ -168,7 +168,6 @@ def static_arena_entities(population: Population, level: Level) -> Iterator[Chun
 
 
 def _wall_outlines(arena: Arena) -> list[FloatArray]:
-    """Return the corners of the floor, and the first one again, (5, 2) cm, as a list of one outline."""
     width, height = arena.width_cm, arena.height_cm
     return [np.array([(0, 0), (width, 0), (width, height), (0, height), (0, 0)])]
 

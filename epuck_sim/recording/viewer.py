@@ -150,9 +150,7 @@ def _settled(take: Callable[[], bytes]) -> bytes:
 
 
 PAUSE, STEP, END = " ", "n", "q"  # keys that pause or continue the trial, take one step, and end it
-
 MOST_LATE_S = 2.0  # delay beyond which a trial continues from there at its pace; with a smaller one it catches up
-
 REFRESH_S = 0.1  # seconds between two updates of the viewer, and between two looks at it during a pause
 
 Wait = Callable[[float], str]  # waits for a number of seconds, or until keys are pressed, and returns the keys

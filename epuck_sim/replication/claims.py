@@ -35,7 +35,6 @@ Law = Literal["Weibull", "gamma", "log-normal"]  # a distribution of T_sync
 
 THRESHOLD = 0.95  # threshold of eq. 3.4 for robots (section 3.3), and of eq. C.2
 
-
 FORMULAS = {
     # how far one of 20 robots (3.3) may be from the others, in cycles, at the threshold (eq. 3.4)
     "largest_shift": math.acos(1 - 20 * (1 - THRESHOLD)) / (2 * math.pi),
@@ -174,11 +173,6 @@ class Claim(ConfigModel):
     identity: Line = ""  # why it cannot fail
     no_claim: Line = ""  # why there is nothing to test
     not_asked: Line = ""  # why it is not tested
-
-    @property
-    def untested(self) -> str:
-        """Why no test of trials decides about it; empty if one does."""
-        return self.identity or self.no_claim or self.not_asked
 
     def _check_together(self) -> None:
         reasons = sum(map(bool, (self.identity, self.no_claim, self.not_asked)))

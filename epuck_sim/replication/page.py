@@ -151,7 +151,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
 def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
     claim = answer.claim
     said = f'"{claim.quote}"' if claim.quote else claim.claim
-    ours, is_explained = claim.untested, answer.verdict in EXPLAINED
+    ours, is_explained = claim.identity or claim.no_claim or claim.not_asked, answer.verdict in EXPLAINED
     if is_explained or not ours:  # an identity may be contradicted
         first = _decisive(answer)[0]
         ours = f"{_effect(first.check)}: {_found(first)}"

@@ -123,7 +123,6 @@ class Decider:
     """Adds trials to sweeps, one look after the other, as long as claims on them are undecided."""
 
     def __init__(self, chosen: Sequence[Claim], scenarios: dict[str, Scenario], folders: dict[str, Path]) -> None:
-        """Check the claims on the stored trials of their sweeps."""
         self._scenarios, self._trials = scenarios, Trials(folders)
         self._findings = {claim.id: (claim, check_claim(claim, self._trials)) for claim in chosen}
 

@@ -7,9 +7,9 @@ never holds results of two scenarios.
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
@@ -63,7 +63,7 @@ class Outcome(NamedTuple):
     provenance: tuple[str, ...]  # versions, and the host that ran it, in the order of `PROVENANCE`
 
 
-class Store:
+class Store(AbstractContextManager["Store"]):
     """A run folder that this process has locked; to be used in a `with` block."""
 
     def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point], share: Share | None = None) -> None:
@@ -217,9 +217,6 @@ class Store:
             self._new -= failed.rowcount
         self._new += self._connection.executemany(self._insert, rows).rowcount
         self._failed += sum(outcome.error is not None for outcome in outcomes)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._resources.close()

@@ -121,7 +121,6 @@ OF_PRESENT = ("order_parameter", "group_order", "threshold_cycles", "stays_above
 UNLIMITED_S = 600.0
 """Time limit in s, from its last change on, of a trial without a limit of its own whose reference is no oscillator."""
 
-
 MOST_MASS_RATIO = 20.0
 """Largest ratio of masses of robots for which contacts hold: with 100, the heavy press others 4 cm into walls."""
 

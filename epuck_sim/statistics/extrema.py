@@ -166,8 +166,7 @@ def _monotone(fit: SmoothedLogs, *ways: bool) -> FloatArray:
     """Return the curve, (K,), that only rises (True) or only falls (False), whichever of `ways` fits better."""
     weights = 1 / fit.variances
     curves = [isotonic_regression(fit.logs, weights=weights, increasing=way).x for way in ways]
-    best: FloatArray = min(curves, key=lambda curve: float((weights * (fit.logs - curve) ** 2).sum()))
-    return best
+    return min(curves, key=lambda curve: float((weights * (fit.logs - curve) ** 2).sum()))
 
 
 def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -17,7 +17,6 @@ from epuck_sim.runs.reader import PointTrials, SweepTrials
 from epuck_sim.scenario.axes import SPEED, choose_axis
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import axis_key
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.curves import check_speed_alone, group_by_other_axes, sweep_curves
 from epuck_sim.statistics.extrema import (
@@ -219,12 +218,14 @@ def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> li
         model, (places, p_value, reason) = curve.scenario.model, search_extrema(curve)
         if "V_f" in LAWS.get(model, {}) and (v_f := find_fast_speed(curve)):
             places = {**places, "V_f": v_f}
+        scales = curve.scenario.scale_keys
+        others = {key: value for key, value in leaves(curve.scenario.trial_keys) if key not in scales}
         found.append(
             FittedCurve(
                 run=str(points.folder),
                 axes=curve.axes,
                 parameters=curve.scenario.scales,
-                others=_other_settings(curve.scenario),
+                others=json.dumps(others),
                 model=model,
                 names=list(dict.fromkeys(curve.names)),
                 places=places,
@@ -233,11 +234,6 @@ def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> li
             )
         )
     return found
-
-
-def _other_settings(scenario: Scenario) -> str:
-    scales = scenario.scale_keys
-    return json.dumps({key: value for key, value in leaves(scenario.trial_keys) if key not in scales})
 
 
 def fit_laws(curves: Sequence[FittedCurve]) -> list[Laws]:

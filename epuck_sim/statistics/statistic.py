@@ -108,8 +108,7 @@ def measure_unit(point: PointTrials) -> str | None:
 
 def check_units(points: Sequence[PointTrials]) -> None:
     """Raise EpuckSimError if the unit of a measure differs between folders; a measure whose file is gone fits any."""
-    found = map(measure_unit, points)
-    units = dict.fromkeys(unit or "none" for unit in found if unit is not None)
+    units = dict.fromkeys(unit or "none" for unit in map(measure_unit, points) if unit is not None)
     if len(units) > 1:
         raise EpuckSimError(f"the unit of {points[0].of} differs: {comma_list([*units])}; give folders with one unit")
 

@@ -36,8 +36,7 @@ def take_snapshots(scenario: Scenario, count: int) -> BoolArray:
     agents = scenario.agents.count
     ranks = np.random.default_rng(0).random((count, agents, agents))
     ranks[:, np.arange(agents), np.arange(agents)] = math.inf
-    links: BoolArray = ranks.argsort(2).argsort(2) < min(scenario.neighbourhood.k, agents - 1)
-    return links
+    return ranks.argsort(2).argsort(2) < min(scenario.neighbourhood.k, agents - 1)
 
 
 def changed_links(scenario: Scenario, speeds_cm_s: Sequence[float], count: int) -> FloatArray:

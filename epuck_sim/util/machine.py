@@ -50,8 +50,6 @@ def allow_files(needed: int) -> int | None:
     return None
 
 
-# --- memory: a task that needs more than is free is refused before it takes any -----------------------
-
 NEGLIGIBLE_BYTES = 64_000_000
 """Need in bytes below which free memory is not looked up: that takes as long as the start of a small trial."""
 

@@ -58,7 +58,6 @@ except (ImportError, AttributeError) as error:
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise NumbaError("NUMBA_DISABLE_JIT is set, but trials are compiled: unset it; for controllers, use --interpret")
 
-
 if (_LARGE := "scipy.linalg.cython_blas") not in sys.modules:  # numba only asks here whether it exists
     sys.modules[_LARGE] = ModuleType(_LARGE)
     import_module("numba.np.arraymath")
@@ -152,7 +151,6 @@ def compile_part(function: Any, **options: object) -> Any:
 
 
 typeof_impl.register(Kernel)(lambda kernel, _: typeof(kernel.part))  # in compiled code a kernel is a part of others
-
 
 SHIPPED = PACKAGE / "compiled"  # folder of a release's compiled code, laid out as a cache folder is: see `make dist`
 

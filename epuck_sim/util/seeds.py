@@ -39,10 +39,9 @@ def _derived(master: int, spawn_key: tuple[int, ...]) -> int:
     return int(word) >> (64 - SEED_BITS)
 
 
-def robot_streams(sequence: "np.random.SeedSequence", robots: int) -> StreamArray:
+def robot_streams(sequence: np.random.SeedSequence, robots: int) -> StreamArray:
     """Return (robots, 4) the initial state of one stream for each robot.
 
     A larger number of robots leaves the streams of the first ones unchanged.
     """
-    words: StreamArray = sequence.generate_state(4 * robots, np.uint64).astype(np.uint64)
-    return words.reshape(robots, 4)
+    return sequence.generate_state(4 * robots, np.uint64).astype(np.uint64).reshape(robots, 4)

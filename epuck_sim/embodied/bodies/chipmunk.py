@@ -207,9 +207,6 @@ def _rest(swarm: Swarm, addresses: IntArray, number: int) -> None:
     robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
 
 
-# --- for Python ---------------------------------------------------------------------------------------
-
-
 _KINDS: dict[type, str] = {
     pymunk.PivotJoint: "Constraint",
     pymunk.Circle: "Shape",
@@ -272,9 +269,6 @@ def function_addresses() -> list[int]:
         if ffi.typeof(_struct(thing)) is not ffi.typeof(f"cp{_KINDS[type(thing)]} *"):
             raise TypeError(f"its {type(thing).__name__} has another C struct")
     return list(map(_value, functions.values()))
-
-
-# --- by pymunk's public interface -----------------------------------------------------------------------
 
 
 @cache

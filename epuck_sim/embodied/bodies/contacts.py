@@ -182,9 +182,6 @@ def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int
     return found
 
 
-# --- contacts of one robot with walls alone, or of two robots with each other alone -----------------------
-
-
 class Motion(NamedTuple):
     """Places, cm, and velocities, cm/s, of a robot and of the only other one that it may touch."""
 

@@ -6,6 +6,7 @@ new controller is refused, the trial continues there.
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -166,8 +167,6 @@ def _stamps(controller: Controller) -> dict[Path, int]:
     files = dict.fromkeys([*controller.sources, *(file for ending in endings for file in folder.glob(f"*{ending}"))])
     stamps = {}
     for file in files:
-        try:
+        with suppress(OSError):  # an editor is replacing it
             stamps[file] = file.stat().st_mtime_ns
-        except OSError:  # an editor is replacing it
-            continue
     return stamps

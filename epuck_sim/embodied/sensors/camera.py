@@ -258,11 +258,8 @@ def hide_behind_obstacles(swarm: Swarm, camera: Any, eye: Eye, picture: Picture)
                 row[pixel] = 0
 
 
-# --- mirror images of lit rings in the four walls (thesis 4.4) -------------------------------------------
-
-
 class WallsInView(NamedTuple):
-    """The walls that a camera's pixels look at."""
+    """The walls that a camera's pixels look at, and in which lit rings are mirrored (thesis 4.4)."""
 
     numbers: IntArray  # (pixels,) wall at which the pixel's ray leaves the arena: 0 to 3 for left, right, lower, upper
     distances_cm: FloatArray  # (pixels,) along the ray; below 0 if a robot that pushes holds its camera beyond the wall
@@ -362,9 +359,6 @@ def begin_image(wall: int, walls: WallsInView, camera: Any, picture: Picture, im
         image.depth[last - pixel] = camera.reflection_range_cm if is_open else -math.inf
         any_open |= is_open
     return any_open
-
-
-# --- cameras with fewer pictures than control steps ------------------------------------------------------
 
 
 @jit_no_alloc

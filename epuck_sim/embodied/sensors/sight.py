@@ -183,9 +183,6 @@ def fast_atan2(ahead: float, aside: float) -> float:
     return angle if aside >= 0.0 else -angle
 
 
-# --- lit rings: numbers and labels in a swarm's scratch, see `Swarm.numbers` -----------------------------
-
-
 @jit_inline
 def find_lit(swarm: Swarm) -> int:
     """Label the robots whose rings are lit with 1, others with 0, and list the lit; return how many there are."""
