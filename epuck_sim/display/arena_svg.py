@@ -44,8 +44,7 @@ def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on
         box = f"0 0 {width:.5g} {arena.height_cm:.5g}"  # a picture in the picture is clipped at its edges
         place = {"x": 0, "y": top, "width": width, "height": arena.height_cm}
         parts.insert(0, element("svg", *_draw_floor(arena), viewBox=box, class_="floor", **place))
-    for x, y, radius in arena.circles.tolist():
-        parts.append(_circle(x, height - middle - y, radius, fill=OBSTACLE))
+    parts += [_circle(x, height - middle - y, radius, fill=OBSTACLE) for x, y, radius in arena.circles.tolist()]
     for corners in arena.polygons:
         points = _corners((x, height - middle - y) for x, y in corners.tolist())
         parts.append(element("polygon", points=points, fill=OBSTACLE))

@@ -107,8 +107,7 @@ def _draw_order(axes: Axes, recorded: Recorded, population: Population) -> None:
     axes.plot(recorded.firing_s, recorded.firing_order, "ko-", markersize=3, linewidth=1, label=firings, **style)
     threshold = recorded.scenario.stop.order_parameter
     if threshold is not None:
-        named = f"threshold {threshold:.12g}"
-        axes.axhline(threshold, color=RED, linewidth=0.8, linestyle="--", label=named)
+        axes.axhline(threshold, color=RED, linewidth=0.8, linestyle="--", label=f"threshold {threshold:.12g}")
     axes.set(ylabel="order\nparameter", ylim=(min(0.0, np.nanmin(recorded.order_parameter, initial=0.0)), 1.04))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.36), ncols=3, fontsize="small", frameon=False)
 

@@ -143,8 +143,7 @@ def _likeliest_roughness(x: FloatArray, logs: FloatArray, variances: FloatArray)
 
 Finder = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Takes (G,) speeds and (B, G) logarithms of curves; returns the numbers found on each, (B, n), NaN if there are none;
-their strength, (B,), 0 if there are none; and their size, (B,), which for noise is compared with the strength.
-"""
+their strength, (B,), 0 if there are none; and their size, (B,), which for noise is compared with the strength."""
 
 
 def _find(fit: SmoothedLogs, without: FloatArray, find: Finder) -> Extrema:

@@ -168,7 +168,6 @@ def _scenario(point: PointTrials) -> ParticleScenario:
 
 
 def _most_cycles(scenario: ParticleScenario) -> int:
-    """Return the number of periods, 1 or more, after which trials end at the latest."""
     limit, end_s = scenario.stop.max_cycles, scenario.stop.max_time_s
     return limit if end_s is None else max(1, min(limit, int(end_s / scenario.clocks.period_s + 1e-9)))
 
