@@ -5,10 +5,8 @@ import ast
 import errno
 import os
 import random
-import resource
 import runpy
 import shutil
-import signal
 import stat
 import subprocess
 import sys
@@ -30,6 +28,7 @@ from epuck_sim.util import cache_folder, jit, native
 from epuck_sim.util.cache_folder import ROOM_BYTES, UNUSED_S, USER, cache_root, fleeting_root, is_kept, remove_unused
 from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
 from epuck_sim.util.native import WITHOUT_WRAPPERS, carve, unlikely
+from tests.tools import no_file_larger_than
 
 BOUND = {"run_group", "run_sensor", "shift_at"}  # which are compiled with users' files
 FREE = {PACKAGE / "util" / name for name in ("jit.py", "cache_folder.py")} | {PACKAGE / "arrays.py"}
@@ -343,10 +342,7 @@ def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tm
     with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR .*chosen: other users can write to it; compiled code is kep"):
         assert root() == tmp_path / f"epuck-sim-{USER}"
     chosen.chmod(0o755)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM_BYTES // 2, before[1]))
-    try:
+    with no_file_larger_than(ROOM_BYTES // 2):
         with pytest.warns(UserWarning, match="chosen: File too large; compiled code is kept in"):
             assert root() == tmp_path / f"epuck-sim-{USER}"
         assert cache_root() == chosen  # for what it holds already, nothing is written
@@ -355,10 +351,7 @@ def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tm
         with pytest.warns(UserWarning, match="chosen: other users can write to it") as said:
             assert cache_root() == cache_root(to_fill=True)
         assert len(said) == 1
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        signal.signal(signal.SIGXFSZ, ignored)
-        cache_root.cache_clear()
+    cache_root.cache_clear()
 
 
 def sine(folder: Path, cache: Path) -> str:
