@@ -21,6 +21,7 @@ from epuck_sim.page.writer import Page, make_page, page_data, write_page
 from epuck_sim.statistics.statistic import Measured, estimate_mean
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.seeds import trial_seed
+from tests import golden
 from tests.browsers import Driven
 from tests.cli.commands import call
 from tests.control.bench import EMPTY
@@ -375,39 +376,18 @@ def test_trials_that_are_censored_are_told_from_those_that_are_not(opened) -> No
     assert browser.run(f"{{ const text = {text}; text.getClientRects().length }}") == 1  # a word is not broken
 
 
-WALK = "agents.walk={kind: levy, run_s: 0.5, exponent: 2}"
-PLACES = "start={positions_cm: [[10, 20], [30, 40]], headings: [[1, 0], [0, 2]], phases: [0.2, 0.9]}"
-CAMERA = "robots.0.camera={frames_per_s: 8, latency_ms: 50, reflection_range_cm: 100}"
-CASES: dict[str, tuple[str, list[str], int]] = {
-    # name: scenario, changes, trials
-    "agents": ("particles", [], 40),
-    "agents in cones": ("particles", ["neighbourhood={kind: cone_of_vision, angle_deg: 114.591559}"], 20),
-    "agents with emission": ("particles", ["neighbourhood={kind: cone_of_emission, angle_deg: 50, radius_cm: 60}"], 20),
-    "agents in range": ("particles", ["neighbourhood={kind: range, radius_cm: 30}", "stop.max_cycles=200"], 20),
-    "any agents": ("particles", ["neighbourhood={kind: random, k: 2}"], 20),
-    "all agents": ("particles", ["neighbourhood={kind: all}", "space.boundary=mirrored"], 20),
-    "agents in space": ("particles", ["space={dimensions: 3, boundary: cyclic}", "neighbourhood.k=3"], 20),
-    "agents on a line": ("particles", ["space.dimensions=1", "stop.max_cycles=100"], 20),
-    "agents that walk": ("particles", [WALK, "agents.reorient_on=[arriving]"], 20),
-    "agents that turn a little": ("particles", ["agents.walk={kind: correlated, run_s: 0.3, persistence: 0.6}"], 20),
-    "many agents": ("particles", ["agents.count=500", "neighbourhood.k=5", "stop.max_cycles=12"], 3),
-    "agents by the clock": ("particles", ["stop.max_time_s=7.35"], 20),
-    "agents with a sine": ("particles", ["response={curve: sine, coupling: 0.3}", "stop.max_cycles=60"], 10),
-    "agents with a concave state": ("particles", ["response.curve=mirollo_strogatz", "response.refractory=0.1"], 10),
-    "agents that start together": ("particles", ["start={phases: synchronised, displacement: 0.3}"], 20),
-    "agents with places": ("particles", ["agents.count=2", PLACES], 5),
-    "robots": ("thesis", ["stop.max_cycles=20"], 20),
-    "robots that differ": ("physical", [], 2),
-    "robots that touch": ("crowded", ["stop.max_cycles=12"], 2),
-    "robots among obstacles": ("obstacles", [], 4),
-    "robots with radios": ("kilobots", ["stop.max_cycles=20"], 3),
-    "robots with cones": ("thesis", ["robots.0.signal={kind: cone, angle_deg: 120}"], 4),
-    "robots with mirrors and slow cameras": ("thesis", [CAMERA, "spread.clock_rate=0.02"], 4),
-    "robots with friction": ("thesis", ["contact={friction: 0.4}", "robots.0.count=20", "stop.max_cycles=12"], 2),
-    "robots that pass through each other": ("thesis", ["contact.robots=false", "stop.max_time_s=60"], 3),
-    "two groups of robots": ("thesis", ["robots=[{count: 3}, {count: 3}]", "stop.max_cycles=12"], 2),
-    "no oscillators": ("wall", [], 2),
-}
+AGENTS = [  # cases of golden_cases.yaml
+    *("nearest_mirrored", "nearest_on_a_segment", "nearest_in_a_cube", "range", "range_in_a_cyclic_cube", "everybody"),
+    *("cone_of_vision", "cone_of_vision_without_end", "cone_of_emission", "random_neighbours", "many_nearest_3"),
+    *("sine", "mirollo_strogatz", "refractory", "metric_of_the_reference", "start_displaced", "start_given"),
+    *("correlated", "levy", "reorientation_on_arriving"),
+]
+ROBOTS = [
+    *("camera_slow_with_clocks_that_differ", "reflections_among_obstacles", "cone_of_vision", "radio_with_loss"),
+    *("friction", "robots_without_contact", "groups", "kilobot_with_radio"),
+]
+SHIPPED = ["particles", "thesis", "physical", "crowded", "obstacles", "kilobots", "wall"]
+CASES = [(kind, name) for kind, names in {"agents": AGENTS, "robots": ROBOTS, "": SHIPPED}.items() for name in names]
 
 
 def ended(scenario: Any, seeds: range) -> list[list[Any]]:
@@ -436,12 +416,14 @@ TRIALS = """
 
 
 @needs_browser
-@pytest.mark.parametrize(("name", "changes", "trials"), CASES.values(), ids=CASES)
-def test_trials_end_as_the_programs_do_to_the_bit(opened, name: str, changes: list[str], trials: int) -> None:
-    found = opened(name, changes).run(f"({TRIALS})(page.values, {json.dumps(list(range(trials)))})")
-    assert found == ended(load_scenario(name, changes), range(trials))
+@pytest.mark.parametrize(("kind", "name"), CASES)
+def test_trials_end_as_the_programs_do_to_the_bit(opened, kind: str, name: str) -> None:
+    scenario = golden.case(kind, name) if kind else load_scenario(name, ["stop.max_time_s=67.35"])
+    seeds = range(8 if scenario.model == "particles" and scenario.population < 100 else 2)
+    assert opened(scenario).run(f"({TRIALS})(page.values, {json.dumps([*seeds])})") == ended(scenario, seeds)
 
 
+GOLDEN_FILES = Path(__file__).parents[1] / "golden_files"
 OWN_FILES = {
     "turner.py": """
 from epuck_sim.util.rng import randint
@@ -464,17 +446,7 @@ def step(sensors, memory, actuators, parameters, random):
     if memory.wait < -4:
         memory.wait = randint(random, 2 * parameters.mean_wait_steps)
     actuators.left_cm_s = memory.bias[1] + (-parameters.speed_cm_s if memory.wait < 0 else parameters.speed_cm_s)
-    actuators.right_cm_s = parameters.speed_cm_s * sensors.ground * (0.5 + sensors.across)
-""",
-    "ground.py": """
-from epuck_sim.embodied.sensing import brightness_at
-from epuck_sim.util.rng import uniform
-
-PARAMETERS = {"noise": 0.2}
-READINGS = {"ground": float}
-
-def sense(world, robot, readings, parameters, random):
-    readings.ground = brightness_at(world, robot.x, robot.y) + parameters.noise * uniform(random)
+    actuators.right_cm_s = parameters.speed_cm_s * sensors.ground[0] * (0.5 + sensors.across)
 """,
     "bright.py": """
 READINGS = {"across": float}
@@ -484,11 +456,11 @@ def sense(world, robot, readings, parameters, random):
 """,
 }
 TURNERS = [
-    "robots=[{count: 4}, {count: 4, controller: turner.py, sensors: [bright.py, ground.py], memory: {bias: 0.5}}]",
+    "robots=[{count: 4}, {count: 4, controller: turner.py, memory: {bias: 0.5}}]",
+    f"robots.1.sensors=[bright.py, {GOLDEN_FILES}/ground.py]",
     "arena.floor.patches=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 15, brightness: 0.1}]",
     "stop.max_cycles=20",
 ]
-GOLDEN_FILES = Path(__file__).parents[1] / "golden_files"
 
 
 def test_no_controller_is_compiled_for_this_machine_to_make_a_page(monkeypatch) -> None:
