@@ -24,13 +24,21 @@ MIDDLES = np.arange(0.5, 30)
 
 
 class ChangingModel(NaiveModel):
-    """The naive model, which makes the changes of a schedule whose entries have times."""
+    """The naive model, with a schedule whose entries have times or with faults that begin and end at given ones."""
 
     def __init__(self, swarm: ParticleSimulation) -> None:
         super().__init__(swarm)
         pace = self.scenario.agents.speed_cm_s
         self.shares = [speed / pace if pace else 0.0 for speed in self.speeds]
+        self.active, self.instants, agents = set(), 0, len(self.phases)
+        self.nominal, self.free = list(self.periods), list(self.speeds)
         waiting = [(entry.at_s, self.change, entry) for entry in self.scenario.schedule]
+        for number, fault in enumerate(self.scenario.faults):
+            own, _ = np.random.SeedSequence(swarm.seed, spawn_key=(FAULT_SEED, number)).spawn(2)
+            streams = robot_streams(own, agents)
+            keys = [np.uint64(next_word(stream)) for stream in streams]
+            moments = [at_s for at_s in (fault.at_s or 0.0, fault.until_s) if at_s is not None]
+            waiting += [(at_s, self.flip, number, fault, keys, streams) for at_s in moments]
         self.waiting = sorted(waiting, key=lambda waits: waits[0])
 
     def step(self) -> NaiveEvent:
@@ -61,6 +69,47 @@ class ChangingModel(NaiveModel):
             for agent in range(len(self.phases)) if entry.displace.agents is None else set(entry.displace.agents):
                 self.phases[agent] = (self.phases[agent] + entry.displace.by_cycles) % 1
 
+    def flip(self, number, fault, keys, streams) -> None:
+        """Begin or end a fault in all its members."""
+        for agent in range(len(self.phases)) if fault.agents is None else fault.agents:
+            self.active ^= {(number, agent, keys[agent])} if fault.kind != "restart" else set()
+            if fault.kind == "restart":
+                self.phases[agent] = uniform(streams[agent])
+        for agent in range(len(self.phases)):
+            own = [self.scenario.faults[number] for number, who, _ in self.active if who == agent]
+            rate = math.prod(each.rate for each in own if each.kind == "clock_drift")
+            is_frozen = any(each.kind == "oscillator_frozen" for each in own)
+            self.periods[agent] = math.inf if is_frozen else self.nominal[agent] / rate
+            if fault.kind == "wheels_dead":
+                self.speeds[agent] = 0.0 if any(each.kind == "wheels_dead" for each in own) else self.free[agent]
+
+    def cascade(self, at_once, margins):
+        found = super().cascade(at_once, margins)
+        self.instants += 1
+        return found
+
+    def neighbours(self, firing, margins):
+        """Return those to whom the pulse of a firing agent comes through."""
+        return {other for other in super().neighbours(firing, margins) if self.is_heard(firing, other, margins)}
+
+    def is_heard(self, firing, other, margins) -> bool:
+        side = self.scenario.space.side_cm
+        way = np.subtract(self.positions[firing], self.positions[other])
+        if self.scenario.space.boundary == "cyclic":
+            way = (way + side / 2) % side - side / 2
+        for number, agent, key in self.active:
+            fault = self.scenario.faults[number]
+            if (agent, fault.kind) == (firing, "ring_dead"):
+                return False
+            if agent == other and fault.kind in ("camera_blind", "oscillator_frozen"):
+                return False
+            if agent == other and fault.kind == "camera_misses":
+                limit, distance = fault.farther_than_cm, float(np.linalg.norm(way))
+                margins.append(math.inf if limit is None else abs(distance - limit) / side)
+                if (limit is None or distance > limit) and random_share(key, firing, self.instants) < fault.missed:
+                    return False
+        return True
+
 
 @st.composite
 def entries(draw, sections, kind):
@@ -81,10 +130,12 @@ def entries(draw, sections, kind):
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
-@settings(max_examples=15)
-def test_swarms_that_a_schedule_changes_agree_with_the_naive_model(data, seed, kind):
+@settings(max_examples=55)
+def test_swarms_with_a_schedule_or_faults_agree_with_the_naive_model(data, seed, kind):
     sections = data.draw(any_sections(kind))
-    swarm = make_simulation(seed, **sections, schedule=data.draw(entries(sections, kind)))
+    changes = st.fixed_dictionaries({"schedule": entries(sections, kind)})
+    faults = st.fixed_dictionaries({"faults": fault_lists(sections)})
+    swarm = make_simulation(seed, **sections, **data.draw(changes | faults))
     simulations.compare_events(swarm, ChangingModel(swarm), cycles=8)
 
 
@@ -245,72 +296,6 @@ def test_the_twin_has_nominal_periods_no_displaced_agent_and_moves_alike_unless_
     for moving in ("positions", "headings"):
         apart = np.abs(getattr(disturbed, moving)() - getattr(twin, moving)()).max()
         assert (apart < 1e-9) == moves_alike
-
-
-class FaultyModel(ChangingModel):
-    """The naive model with faults that begin and end at given times."""
-
-    def __init__(self, swarm: ParticleSimulation) -> None:
-        super().__init__(swarm)
-        self.active, self.instants, agents = set(), 0, len(self.phases)
-        self.nominal, self.free = list(self.periods), list(self.speeds)
-        for number, fault in enumerate(self.scenario.faults):
-            own, _ = np.random.SeedSequence(swarm.seed, spawn_key=(FAULT_SEED, number)).spawn(2)
-            streams = robot_streams(own, agents)
-            keys = [np.uint64(next_word(stream)) for stream in streams]
-            for at_s in (fault.at_s or 0.0, fault.until_s):
-                if at_s is not None:
-                    self.waiting.append((at_s, self.flip, number, fault, keys, streams))
-        self.waiting.sort(key=lambda waits: waits[0])
-
-    def flip(self, number, fault, keys, streams) -> None:
-        """Begin or end a fault in all its members."""
-        for agent in range(len(self.phases)) if fault.agents is None else fault.agents:
-            self.active ^= {(number, agent, keys[agent])} if fault.kind != "restart" else set()
-            if fault.kind == "restart":
-                self.phases[agent] = uniform(streams[agent])
-        for agent in range(len(self.phases)):
-            own = [self.scenario.faults[number] for number, who, _ in self.active if who == agent]
-            rate = math.prod(each.rate for each in own if each.kind == "clock_drift")
-            is_frozen = any(each.kind == "oscillator_frozen" for each in own)
-            self.periods[agent] = math.inf if is_frozen else self.nominal[agent] / rate
-            if fault.kind == "wheels_dead":
-                self.speeds[agent] = 0.0 if any(each.kind == "wheels_dead" for each in own) else self.free[agent]
-
-    def cascade(self, at_once, margins):
-        found = super().cascade(at_once, margins)
-        self.instants += 1
-        return found
-
-    def neighbours(self, firing, margins):
-        """Return those to whom the pulse of a firing agent comes through."""
-        return {other for other in super().neighbours(firing, margins) if self.is_heard(firing, other, margins)}
-
-    def is_heard(self, firing, other, margins) -> bool:
-        side = self.scenario.space.side_cm
-        way = np.subtract(self.positions[firing], self.positions[other])
-        if self.scenario.space.boundary == "cyclic":
-            way = (way + side / 2) % side - side / 2
-        for number, agent, key in self.active:
-            fault = self.scenario.faults[number]
-            if (agent, fault.kind) == (firing, "ring_dead"):
-                return False
-            if agent == other and fault.kind in ("camera_blind", "oscillator_frozen"):
-                return False
-            if agent == other and fault.kind == "camera_misses":
-                limit, distance = fault.farther_than_cm, float(np.linalg.norm(way))
-                margins.append(math.inf if limit is None else abs(distance - limit) / side)
-                if (limit is None or distance > limit) and random_share(key, firing, self.instants) < fault.missed:
-                    return False
-        return True
-
-
-@given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
-@settings(max_examples=40)
-def test_swarms_with_faults_agree_with_the_naive_model(data, seed, kind):
-    sections = data.draw(any_sections(kind))
-    swarm = make_simulation(seed, **sections, faults=data.draw(fault_lists(sections)))
-    simulations.compare_events(swarm, FaultyModel(swarm), cycles=8)
 
 
 def fault(kind, **keys):
