@@ -127,29 +127,6 @@ def test_an_agent_that_comes_in_from_a_corner_goes_on_inside():
     assert swarm.time_s > 0.1
 
 
-@pytest.mark.parametrize("dimensions", [2, 3])
-def test_walls_turn_agents_by_a_uniform_angle_in_a_square_and_over_the_hemisphere_in_a_cube(dimensions):
-    """Thesis 3.1 and D.3: whichever wall it is, and wherever an agent came from."""
-    swarm, turned, towards = uncoupled(500, space={"dimensions": dimensions}), [], []
-    while len(turned) < 4_000:
-        before, event = swarm.headings(), next(swarm)
-        if event.turned is None:
-            continue
-        place, after = swarm.positions()[event.turned], swarm.headings()[event.turned]
-        axis = int(np.minimum(place, 100 - place).argmin())
-        inward = 1.0 if place[axis] < 50 else -1.0
-        turned.append([inward * after[axis], *np.delete(after, axis)])
-        towards.append(-inward * before[event.turned, axis])
-    along, *aside = np.transpose(turned)
-    assert (along >= 0).all()
-    if dimensions == 2:
-        assert is_uniform(np.arctan2(aside[0], along), -math.pi / 2, math.pi / 2)
-    else:
-        assert is_uniform(along, 0, 1)
-        assert is_uniform(np.arctan2(*aside), -math.pi, math.pi)
-    assert abs(np.corrcoef(along, towards)[0, 1]) < 0.06
-
-
 @pytest.mark.parametrize("exponent", [2.2, 3.0])
 def test_runs_of_a_levy_walk_have_a_power_law_above_the_shortest(exponent):
     swarm = uncoupled(20_000, agents={"walk": {"kind": "levy", "run_s": 0.3, "exponent": exponent}}, **FAR)

@@ -41,7 +41,7 @@ cyclic segment:
   neighbourhood: {kind: range, radius_cm: 20}
 cyclic:
   space: {boundary: cyclic, side_cm: 50}
-  agents: {count: 12, speed_cm_s: 40}
+  agents: {count: 12, speed_cm_s: 40, reorient_on: [arriving]}
   neighbourhood: {kind: cone_of_vision, angle_deg: 100, radius_cm: 20}
   clocks: {jitter: 0.1}
   stop: {order_parameter: null, max_cycles: 6, metric: reference, reference: 3}

@@ -256,26 +256,17 @@ def test_a_condition_must_hold_at_firings_in_a_row(for_cycles, measures):
     assert [event.step for event in result.events] == [seen.steps[first] + 1]
 
 
-STEPS = """
-class Steps:
-    def __init__(self, simulation):
-        self.count = 0
-
-    def step(self, step, state):
-        self.count += 1
-
-    def value(self):
-        return self.count % 120
-"""  # a measure that is 60 or more, and then less, for some seconds each
+STEPS = TELLTALE.replace("return self.seen", "return len(self.seen) % 120")
+"""A measure that is 60 or more, and then less, for some seconds each."""
 
 
 def test_a_condition_on_a_measure_of_steps_acts_in_the_next_one_or_after_firings_in_a_row(tmp_path):
     (tmp_path / "mine.py").write_text(STEPS)
-    measures = [f"{tmp_path / 'mine.py'}:Steps"]
+    measures = [str(tmp_path / "mine.py")]
     schedule = [
-        {"when": "Steps >= 60", **STILL},
-        {"when": "Steps >= 60", "for_cycles": 1, "displace": {"by_cycles": 0.1}},
-        {"when": {"measure": "Steps", "relation": ">=", "value": 60}, "for_cycles": 9, **STILL},
+        {"when": "Telltale >= 60", **STILL},
+        {"when": "Telltale >= 60", "for_cycles": 1, "displace": {"by_cycles": 0.1}},
+        {"when": {"measure": "Telltale", "relation": ">=", "value": 60}, "for_cycles": 9, **STILL},
     ]
     scenario, seen = load_scenario({"schedule": schedule, "stop": STOP, "measures": measures}), Firings()
     steps = {event.source: event.step for event in run_trial(Simulation(scenario, 3), [seen]).events}
@@ -321,9 +312,9 @@ def test_a_displacement_may_bring_a_firing_before_the_end_of_a_trial():
 
 
 def test_a_condition_on_a_measure_of_events_changes_a_swarm_at_the_event(tmp_path):
-    (tmp_path / "mine.py").write_text(STEPS.replace("def step(self, step", "def event(self, event"))
-    measures, schedule = [f"{tmp_path / 'mine.py'}:Steps"], [{"when": "Steps >= 8", "set": {"agents.speed_cm_s": 0}}]
-    scenario = load_scenario({**AGENTS, "schedule": schedule, "measures": measures})
+    (tmp_path / "mine.py").write_text(STEPS)
+    schedule = [{"when": "Telltale >= 8", "set": {"agents.speed_cm_s": 0}}]
+    scenario = load_scenario({**AGENTS, "schedule": schedule, "measures": [str(tmp_path / "mine.py")]})
     events = ParticleSimulation({**AGENTS}, 3)
     for _ in range(8):
         next(events)
