@@ -24,7 +24,7 @@ from epuck_sim.util.seeds import trial_seed
 from tests import golden
 from tests.browsers import Driven
 from tests.cli.commands import call
-from tests.control.bench import EMPTY
+from tests.control.bench import EMPTY, with_sense
 from tests.tools import needs_browser
 
 
@@ -105,12 +105,6 @@ def test_a_page_is_one_small_file_that_names_no_other(name: str) -> None:
 
 
 CURVE = "def phase_shift(phase, coupling, parameters):\n    return {}\n"
-SENSOR = """
-READINGS = {{"{0}": float}}
-
-def sense(world, robot, readings, parameters, random):
-    readings.{0} = 1.0
-"""
 
 
 def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(tmp_path: Path, monkeypatch) -> None:
@@ -119,7 +113,7 @@ def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(tmp_pa
     Path("mine.py").write_text(EMPTY)
     Path("curve.py").write_text(CURVE.format("coupling * phase"))
     for name in ("near", "far"):
-        Path(f"{name}.py").write_text(SENSOR.format(name))
+        Path(f"{name}.py").write_text(with_sense(f"readings.{name} = 1.0", f"{{'{name}': float}}"))
     groups = "robots=[{count: 4}, {count: 3, controller: mine.py, sensors: [near.py, far.py]}]"
     scenario = load_scenario("thesis", [groups])
     found = {name: kernel.function.__globals__ for name, (kernel, _) in own_roots(scenario).items()}
@@ -448,12 +442,7 @@ def step(sensors, memory, actuators, parameters, random):
     actuators.left_cm_s = memory.bias[1] + (-parameters.speed_cm_s if memory.wait < 0 else parameters.speed_cm_s)
     actuators.right_cm_s = parameters.speed_cm_s * sensors.ground[0] * (0.5 + sensors.across)
 """,
-    "bright.py": """
-READINGS = {"across": float}
-
-def sense(world, robot, readings, parameters, random):
-    readings.across = robot.x / world.width_cm
-""",
+    "bright.py": with_sense("readings.across = robot.x / world.width_cm", "{'across': float}"),
 }
 TURNERS = [
     "robots=[{count: 4}, {count: 4, controller: turner.py, memory: {bias: 0.5}}]",

@@ -230,13 +230,6 @@ def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial
     assert sorted(trial.recorded.pulses.tolist()) == sorted(links)
 
 
-def test_a_recording_shows_no_links_to_agents_drawn_at_random(tmp_path) -> None:
-    recorded(tmp_path / "t.rrd", load_scenario("particles", ["stop.max_cycles=3", "neighbourhood={kind: random}"]))
-    read = read_recording(tmp_path / "t.rrd")
-    assert len(read.flash_s) > 20
-    assert len(read.pulses) == 0
-
-
 def test_a_cone_is_drawn_from_its_agent_up_to_its_reach_or_the_walls_and_a_range_as_circles(of) -> None:
     for trial, half, longest in ((of("cyclic"), 50, 20), (of("emitting"), 75, 12.5)):
         read, side_cm = trial.recorded, trial.scenario.space.side_cm

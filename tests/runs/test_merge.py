@@ -363,14 +363,11 @@ def test_what_runs_a_folder_asks_for_trust_once(foreign: Path, tmp_path: Path, m
     assert refusal.exit_code == 2
     assert "brings code that you have not run: sources/coverage.py, sources/here/helper.py" in refusal.stderr
     assert not (tmp_path / "was-run").exists()
+    merge_folders([foreign], tmp_path / "whole")
+    assert not is_trusted(tmp_path / "whole")  # a merged folder is trusted as its parts are
     call(name, foreign, *options, "--trust")
     assert (tmp_path / "was-run").exists()
     monkeypatch.setattr("epuck_sim.runs.sources._trusted", set())  # another process
     assert is_trusted(foreign)
     (foreign / "sources" / "more.py").touch()
     assert not is_trusted(foreign)
-
-
-def test_a_merged_folder_is_trusted_as_its_parts(foreign: Path, tmp_path: Path) -> None:
-    merge_folders([foreign], tmp_path / "whole")
-    assert not is_trusted(tmp_path / "whole")

@@ -227,10 +227,7 @@ SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "cut within its last page": (lambda whole: whole[:-10], "is damaged"),
     "with a part of a page": (lambda whole: whole + bytes(10), "is damaged: its end is missing"),
     "with bytes that are no text": (after("UPDATE points SET axes = CAST(x'ff' AS TEXT)"), "points holds text that is"),
-    "without its tables' definitions": (
-        lambda whole: whole[:100] + random.Random(4).randbytes(3996) + whole[4096:],
-        "is damaged",
-    ),
+    "without tables": (lambda whole: whole[:100] + random.Random(4).randbytes(3996) + whole[4096:], "is damaged"),
     "without points": (after("DELETE FROM points"), "is damaged: it has no points"),
     "without a point": (after("DELETE FROM points WHERE number = 0"), "it has trials of a point that is gone"),
     "without a table": (after("DROP TABLE trials"), "is damaged: it has no table trials"),

@@ -16,7 +16,7 @@ from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.seeds import point_seed
-from tests.control.bench import with_step
+from tests.control.bench import with_sense, with_step
 
 LOADED = map(load_scenario, ("thesis", "particles", "obstacles"))
 KEYS = {scenario.name: scenario.all_keys(scenario.model_dump(mode="json")) for scenario in LOADED}
@@ -325,8 +325,7 @@ def test_controllers_are_found_beside_the_scenario_and_known_by_their_file_s_nam
     for sweep in (f"zip: {{{CONTROLLER}: [mine.py]}}", f"points: [{one}]", f"grid: {{robots: [[{whole}]]}}"):
         path.write_text(f"robots: [{{count: 2}}]\nsweep: {{{sweep}}}")
         assert points(load_scenario(path))[0].scenario == mine.scenario
-    sense = "def sense(world, robot, readings, parameters, random): 0"
-    (tmp_path / "eye.py").write_text(f"READINGS = {{'eye': float}}\n{sense}")
+    (tmp_path / "eye.py").write_text(with_sense("pass", "{'eye': float}"))
     path.write_text(f"sensors: [eye.py]\nsweep: {{grid: {{{CONTROLLER}: [mine.py, firefly]}}}}")
     assert {point.scenario.robots[0].sensors["eye"]["file"] for point in points(path)} == {str(tmp_path / "eye.py")}
 

@@ -19,6 +19,7 @@ from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from epuck_sim.scenario.scenario import Condition
 from epuck_sim.scenario.yaml_io import parse_yaml
+from tests.control.bench import with_sense
 from tests.measures.files import COUNTER, write
 
 DISC = {"shape": "circle", "x_cm": 20, "y_cm": 40, "radius_cm": 30, "brightness": 0}
@@ -191,8 +192,7 @@ def test_a_swept_kind_has_the_values_of_its_own_and_numbers_of_resamples_without
 
 def test_a_robot_is_a_file_with_its_sensors_beside_it(tmp_path, monkeypatch) -> None:
     cart = "description: mine\nradius_cm: 5\nwheel_base_cm: 8\ninfrared: null\nsensors: [{clock.py: {step: 2.0}}]\n"
-    sense = "def sense(world, robot, readings, parameters, random):\n    readings.clock += parameters.step\n"
-    clock = f"PARAMETERS = {{'step': 1.0}}\nREADINGS = {{'clock': float}}\n\n\n{sense}"
+    clock = with_sense("readings.clock += parameters.step", "{'clock': float}", "{'step': 1.0}")
     carts = "robot: {kind: cart.yaml, mass_g: 700}\nrobots: [{count: 2}]\nquick: {trials: 2}\n"
     (tmp_path / "lab").mkdir()
     for name, text in {"cart.yaml": cart, "clock.py": clock, "carts.yaml": carts}.items():

@@ -17,6 +17,7 @@ from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial import trace as trace_module
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
+from tests.control.bench import with_step
 from tests.embodied.steps import bare_step
 from tests.measures.files import write
 from tests.trial import without_wall
@@ -43,14 +44,19 @@ def firings(rings, robot):
 
 @pytest.mark.parametrize(("seed", "reference"), [(0, 0), (1, 7), (2, 0)])
 def test_t_sync_is_the_number_of_the_references_firings_until_order_reaches_the_threshold(seed, reference):
-    recorder = Recorder()
+    recorder, other = Recorder(), Recorder()
     scenario = load_scenario("thesis", [f"stop.reference_robot={reference}"])
-    result = run_trial(Simulation(scenario, seed), [recorder])
+    result = run_trial(Simulation(scenario, seed), iter([recorder, other]))
+    assert without_wall(result) == without_wall(run_trial(Simulation(scenario, seed)))
     fired = firings(recorder.rings, reference)
     orders = np.abs(np.exp(2j * np.pi * np.array(recorder.phases)[fired] / 5000).mean(axis=1))
     assert not result.censored
     assert result.t_sync_cycles == result.cycles == len(fired) > 1
-    assert fired[-1] == recorder.numbers[-1] == result.steps - 1
+    assert fired[-1] == result.steps - 1
+    assert recorder.numbers == other.numbers == list(range(result.steps))
+    cycles = np.cumsum(np.isin(recorder.numbers, fired))  # every step is shown after the watch has looked
+    assert [count for count, _ in recorder.watched] == cycles.tolist()
+    assert recorder.watched[-1] == (result.cycles, result.order_parameter)
     assert (orders[:-1] < 0.95).all()
     assert result.order_parameter == pytest.approx(orders[-1])
     assert orders[-1] >= 0.95
@@ -92,16 +98,6 @@ def test_a_trial_without_oscillators_counts_a_cycle_every_5_s_and_has_no_t_sync(
         assert (result.censored, result.t_sync_cycles) == (None, None)
 
 
-def test_observers_are_shown_every_step_after_the_watch_has_looked():
-    one, other = Recorder(), Recorder()
-    result = run_trial(Simulation("thesis", 2), iter([one, other]))
-    assert without_wall(result) == without_wall(run_trial(Simulation("thesis", 2)))
-    assert one.numbers == other.numbers == list(range(result.steps))
-    cycles = np.cumsum(np.isin(one.numbers, firings(one.rings, 0)))
-    assert [count for count, _ in one.watched] == cycles.tolist()
-    assert one.watched[-1] == (result.cycles, result.order_parameter)
-
-
 def test_an_observer_may_command_robots_as_a_program_does():
     driven = {"robots": [{"controller": "external", "count": 3}], "stop": {"max_time_s": 5}}
     trial, alone = (Simulation(driven, 2) for _ in range(2))
@@ -111,18 +107,9 @@ def test_an_observer_may_command_robots_as_a_program_does():
     np.testing.assert_array_equal(step.poses, trial.last_step.poses)
 
 
-NEVER_FIRES = """
-PARAMETERS = {"period_s": 5.0}
-MEMORY = {"phase_ms": float}
-def start(memory, parameters, random):
-    memory.phase_ms = 1.0
-def step(sensors, memory, actuators, parameters, random):
-    actuators.ring_on = False
-"""
-
-
 def test_a_reference_that_never_fires_keeps_no_trial_for_ever(tmp_path):
-    robots = [{"count": 2, "controller": str(write(tmp_path / "own.py", NEVER_FIRES))}]
+    never_fires = with_step("actuators.ring_on = False", PARAMETERS="{'period_s': 5.0}", MEMORY="{'phase_ms': float}")
+    robots = [{"count": 2, "controller": str(write(tmp_path / "own.py", never_fires))}]
     for max_cycles in (1, 3):
         result = run_trial(Simulation({"robots": robots, "stop": {"max_cycles": max_cycles}}, interpret=True))
         assert (result.censored, result.cycles, result.steps) == (True, 0, 2 * max_cycles * 51)
