@@ -241,10 +241,9 @@ MOTIONS = {"firefly": "obstacle_avoidance", "walking_firefly": "random_walk", "r
 WHEELS = ["left_cm_s", "right_cm_s"]
 
 
-def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, new=True, **parameters):
-    robot = TestRobot("oscillator", parameters, pixels=pixels, step_ms=step_ms)
-    robot.memory.phase_ms, robot.memory.flash_seen = phase_ms, seen
-    robot.ring_on, robot.new_picture = ring_on, new
+def stepped(phase_ms, flash=False, ring_on=False, red=1, pixels=60, **parameters):
+    robot = TestRobot("oscillator", parameters, pixels=pixels)
+    robot.memory.phase_ms, robot.ring_on = phase_ms, ring_on
     robot.camera[: red if flash else 0] = 1
     robot.step()
     return robot.memory.phase_ms, robot.ring_on
@@ -254,12 +253,6 @@ def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pi
 def test_so_many_red_pixels_are_a_flash_however_wide_the_camera_is(pixels, red):
     assert stepped(1000, flash=True, red=red, pixels=pixels, flash_pixels=red) == (1210, False)
     assert stepped(1000, flash=True, red=red, pixels=pixels, flash_pixels=red + 1) == (1100, False)
-
-
-@hypothesis.settings(max_examples=30)
-@given(phase=st.integers(0, 4999), ring=st.booleans())
-def test_a_picture_that_is_not_new_acts_like_a_dark_one(phase, ring):
-    assert stepped(phase, flash=True, ring_on=ring, new=False) == stepped(phase, flash=False, ring_on=ring)
 
 
 def test_each_new_picture_of_a_flash_updates_or_the_first_of_a_sighting_alone():

@@ -17,7 +17,7 @@ from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE
 from epuck_sim.scenario.loader import write_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.builtin import ARENAS, builtin_files
-from tests.control.bench import EMPTY, with_step, write_controller
+from tests.control.bench import EMPTY, with_sense, with_step, write_controller
 from tests.control.test_firmware import write_firmware
 from tests.embodied.steps import CHANGING, FAULTY, SIGNALS, bits, coming_and_going, constant, kept, steps_of, swarm_of
 from tests.tools import needs_compiler
@@ -103,8 +103,7 @@ def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(tmp_p
 def test_groups_without_robots_change_nothing(scenario, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_firmware(tmp_path / "mine.c")
-    sensor = "READINGS = {'place': float}\ndef sense(w, robot, readings, p, r): readings.place = robot.x"
-    (tmp_path / "place.py").write_text(sensor)
+    (tmp_path / "place.py").write_text(with_sense("readings.place = robot.x", "{'place': float}"))
     faults = [*scenario["faults"], {"kind": "sensor_dead", "sensor": "place", "at_s": 3}]
     alone = scenario | {"sensors": ["place.py"], "faults": faults}
     first, *others = scenario["robots"]

@@ -228,6 +228,7 @@ def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial
         np.testing.assert_allclose(shown, wanted, atol=1e-4 * side_cm)
     assert shifts or trial.scenario.name == "alone"
     assert sorted(trial.recorded.pulses.tolist()) == sorted(links)
+    assert trial.recorded.pulses[:, :2].tolist() == [link[:2] for link in links]  # in the order of the cascade
 
 
 def test_a_cone_is_drawn_from_its_agent_up_to_its_reach_or_the_walls_and_a_range_as_circles(of) -> None:
