@@ -174,19 +174,16 @@ def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_the
     assert ended[len(whole) :] == [[2, said.format(*each)] for each in LACKING.values()]
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "command", "said"),
-    [
-        ("MPLBACKEND", "none-such", "plot gone", "MPLBACKEND: Key backend: 'none-such' is not a valid value"),
-        ("RERUN", "off", "run pair --record pair.rrd", "RERUN is off in the environment"),
-    ],
-)
-def test_variables_of_libraries_that_leave_nothing_to_do_are_refused_in_words(name, value, command, said, tmp_path):
-    given = {"env": os.environ | {name: value}, "capture_output": True, "text": True, "cwd": tmp_path}
-    done = subprocess.run([sys.executable, "-m", "epuck_sim", *command.split()], check=False, **given)
-    assert (done.returncode, "Traceback" in done.stderr) == (2, False), done.stderr
-    assert done.stderr.startswith(f"error: {said}")
-    assert not list(tmp_path.iterdir())
+def test_variables_of_libraries_that_leave_nothing_to_do_are_refused_in_words(tmp_path) -> None:
+    for variable, command, said in (
+        ({"MPLBACKEND": "none-such"}, "plot gone", "MPLBACKEND: Key backend: 'none-such' is not a valid value"),
+        ({"RERUN": "off"}, "run pair --record pair.rrd", "RERUN is off in the environment"),
+    ):
+        given = {"env": os.environ | variable, "capture_output": True, "text": True, "cwd": tmp_path}
+        done = subprocess.run([sys.executable, "-m", "epuck_sim", *command.split()], check=False, **given)
+        assert (done.returncode, "Traceback" in done.stderr) == (2, False), done.stderr
+        assert done.stderr.startswith(f"error: {said}")
+        assert not list(tmp_path.iterdir())
 
 
 def test_letters_that_stdout_does_not_have_are_shown_as_escapes() -> None:

@@ -34,11 +34,6 @@ from tests.particles.simulations import KINDS, any_sections, make_resting, make_
 from tests.trial import without_wall
 
 
-def test_what_is_no_simulation_is_refused() -> None:
-    with pytest.raises(TypeError, match=r"a trial needs a simulation, such as Simulation\('thesis', seed=1\)"):
-        run_trial("thesis")
-
-
 @pytest.mark.parametrize("name", ["pair", "particles"])
 @pytest.mark.parametrize("entry", [-1, 1, 0.0])
 def test_an_entry_that_a_schedule_does_not_have_is_refused(name: str, entry: float) -> None:
@@ -81,6 +76,8 @@ def test_a_trial_is_run_as_its_model_s_once_and_progress_is_shown_before_observe
     assert (cycles, cycles[-1]) == (sorted(cycles), expected.cycles)
     with pytest.raises(ValueError, match="a trial needs a fresh simulation"):
         run_trial(simulation)
+    with pytest.raises(TypeError, match=r"a trial needs a simulation, such as Simulation\('thesis', seed=1\)"):
+        run_trial(name)
     times_s.clear()
     run_trial(simulate(scenario, 4), [lambda *_: seen.append(len(times_s))], progress=show)
     assert len(seen) == len(times_s)
