@@ -317,8 +317,7 @@ def test_changed_parameters_act_from_the_next_step_on_reset_takes_them_back_and_
 
 def test_no_observer_changes_what_others_are_shown():
     step = Simulation("thesis", 1).advance(5)
-    whole = (*step, *step.memories, step.sightings, step.contacts)
-    shown = [value for value in whole if isinstance(value, np.ndarray)]
+    shown = [each for each in (*step, *step.memories, step.sightings, step.contacts) if isinstance(each, np.ndarray)]
     assert len(shown) == 12
     assert not any(array.flags.writeable for array in shown)
 

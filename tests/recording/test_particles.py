@@ -143,11 +143,12 @@ def test_a_recorded_trial_is_the_same_trial_with_a_row_at_each_instant_and_20_in
 
 
 def test_a_trial_that_ends_at_a_time_is_recorded_and_filmed_to_it(tmp_path) -> None:
-    scenario = load("in step", stop={"order_parameter": None, "max_time_s": 14})  # agents fire at 10 s, and at 15 s
+    stop, clocks = {"order_parameter": None, "max_time_s": 1.4}, {"period_s": 0.5}
+    scenario = load("in step", stop=stop, clocks=clocks)  # agents fire at 1 s, and at 1.5 s
     with film_trial(tmp_path / "t.mp4", scenario, 4) as film:
         recorded(tmp_path / "t.rrd", scenario, 4, Level.FULL, film)
-    assert read_recording(tmp_path / "t.rrd").time_s[-1] == 14
-    assert len(frames_and_description(tmp_path / "t.mp4")[0]) == 1 + 25 * 14
+    assert read_recording(tmp_path / "t.rrd").time_s[-1] == 1.4
+    assert len(frames_and_description(tmp_path / "t.mp4")[0]) == 1 + 35
 
 
 def test_flashes_are_at_the_instants_to_the_nanosecond_and_the_order_is_the_one_that_decides(trial) -> None:

@@ -256,8 +256,7 @@ def test_a_condition_must_hold_at_firings_in_a_row(for_cycles, measures):
     assert [event.step for event in result.events] == [seen.steps[first] + 1]
 
 
-STEPS = TELLTALE.replace("return self.seen", "return len(self.seen) % 120")
-"""A measure that is 60 or more, and then less, for some seconds each."""
+STEPS = TELLTALE.replace("return self.seen", "return len(self.seen) % 120")  # less than 60, then more, by turns
 
 
 def test_a_condition_on_a_measure_of_steps_acts_in_the_next_one_or_after_firings_in_a_row(tmp_path):
