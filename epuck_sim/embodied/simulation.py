@@ -44,7 +44,7 @@ from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.user_files import Value
 from epuck_sim.util.machine import lack_of_memory
-from epuck_sim.util.messages import numbered, whole
+from epuck_sim.util.messages import ANOTHER_THREAD, numbered, whole
 
 
 class Change(NamedTuple):
@@ -298,8 +298,8 @@ class Simulation:
 
     def _run(self, steps: int, until_firing: bool = True, history: History | None = None) -> None:
         """Take control steps; the error of a controller that fails names the robot."""
-        if not self._turn.acquire(blocking=False):  # Chipmunk would end the process
-            raise ValueError("another thread is taking steps of this simulation; give each thread a copy.copy of it")
+        if not self._turn.acquire(False):  # Chipmunk would end the process
+            raise ValueError(ANOTHER_THREAD)
         try:
             if history is None:
                 outcome = self._loop.take_steps(*self.memory, steps, until_firing)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from copy import copy
 from functools import partial
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
 from epuck_sim.util.generators import seed_words
-from epuck_sim.util.messages import numbered, whole
+from epuck_sim.util.messages import ANOTHER_THREAD, numbered, whole
 from epuck_sim.util.native import address_of
 
 NEVER: Moment = (math.inf, 0.0)  # later than any moment of a trial
@@ -98,7 +99,7 @@ class ParticleSimulation:
                 f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; for a "
                 "ParticleSimulation, give start_like(robots, seed) as start"
             )
-        self.scenario, chosen = loaded, seed_of_trial(loaded, seed)
+        self.scenario, chosen, self._turn = loaded, seed_of_trial(loaded, seed), Lock()
         self._rules = rules_of(loaded)
         self._renew(self._rules)
         self._begin(chosen)
@@ -149,13 +150,13 @@ class ParticleSimulation:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without addresses, which are valid in this process only."""
-        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "_scratch", "room", "recorded")
-        kept = {name: value for name, value in vars(self).items() if name not in left_out}
+        lost = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "_scratch", "_turn", "room", "recorded")
+        kept = {name: value for name, value in vars(self).items() if name not in lost}
         own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
         return {**kept, **own}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        block = state.pop("block")
+        block, self._turn = state.pop("block"), Lock()
         vars(self).update(state)
         self._rules = rules_of(self.scenario)
         self._renew(self._rules if self._present is self.scenario else rules_of(self._present))
@@ -181,6 +182,8 @@ class ParticleSimulation:
     def _advance(self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0) -> None:
         """Simulate until a limit is reached; see `swarm.LIMITS`, of which `max_offset` is `offset` or more."""
         state = self._state
+        if not self._turn.acquire(False):
+            raise ValueError(ANOTHER_THREAD)
         state["limits"][0] = pulses, cycles, *end, max(offset, state["max_offset"].item())
         try:
             if len(self.room):
@@ -191,6 +194,8 @@ class ParticleSimulation:
         except Exception as error:  # nothing else in the kernel raises
             phase = float(self._arrays.scene.response.last_phase)
             raise curve_error(self._present.response, phase, error) from error
+        finally:
+            self._turn.release()
 
     def _observe(self) -> Arrays:
         """Return the arrays, with positions and phases at the present time; continue trajectories that have ended."""
@@ -217,18 +222,20 @@ class ParticleSimulation:
 
         Args:
             cycles: Limit of firings of the reference, counted from the beginning of the trial.
-            periods: Limit in nominal periods, 1 or more, counted from the start of the present one; None for no
+            periods: Limit in nominal periods, 0 or more, counted from the start of the present one; None for no
                 limit, with which the call never returns if other agents hold the reference back for ever.
             pulses: Limit of pulses whose receivers are looked for, 1 or more, counted from now: a measure of the time
                 that the call takes. The instant that reaches it is completed. None for no limit.
             share: Part of a period, below 1, that is added to the limit of periods.
 
         Raises:
-            ValueError: `cycles` is not a whole number from 0.
+            ValueError: A limit, or the share, is not allowed.
         """
         cycles = whole("cycles", cycles, 0)
-        last_cycle = UNLIMITED if periods is None else self.period + periods
-        last_pulse = UNLIMITED if pulses is None else self._state["pulses"].item() + pulses
+        last_cycle = UNLIMITED if periods is None else self.period + whole("periods", periods, 0)
+        last_pulse = UNLIMITED if pulses is None else self._state["pulses"].item() + whole("pulses", pulses)
+        if not 0 <= share < 1:
+            raise ValueError(f"share is {share!r}; allowed: from 0, and below 1")
         self._advance_through((last_cycle, share), last_pulse, cycles)
 
     def run_to(self, time_s: float) -> None:

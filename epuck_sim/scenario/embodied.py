@@ -261,15 +261,20 @@ class EmbodiedScenario(Scenario):
         return tuple(group.controller for group in self.robots)
 
     @property
+    def has_t_sync(self) -> bool:
+        """See `Scenario.has_t_sync`: by a threshold only if the reference is an oscillator."""
+        return self.stop.gives_t_sync or (super().has_t_sync and self._has_reference())
+
+    @property
     def notes(self) -> list[str]:
         """Notes of `Scenario.notes`, and those on trials without T_sync and on changes that never happen."""
         stop, found, limit_s = self.stop, super().notes, self.stop.max_time_s
         is_limited = stop.order_parameter is None or "max_time_s" in stop.model_fields_set
-        if not is_limited and not self._may_have_t_sync():
+        if not is_limited and not self._has_reference():
             ends = f"{stop.max_cycles} cycles of 5 s" if limit_s is None else f"{limit_s:g} simulated seconds"
             said = f"robot {stop.reference_robot} is no oscillator, so trials have no T_sync; they end after {ends}"
             found.append(f"{said}; for another limit: --set stop.max_time_s=3600")
-        awaited = {} if self._may_have_t_sync() else self.conditions
+        awaited = {} if self._has_reference() else self.conditions
         never = f"never holds: order is measured at firings of robot {stop.reference_robot}, which is no oscillator"
         found += [f"{key} {never}" for key, (each, _) in awaited.items() if each.measure == ORDER_PARAMETER]
         for number, group in enumerate(() if self.sweep else self.robots):
@@ -327,7 +332,7 @@ class EmbodiedScenario(Scenario):
         with refused_at(f"{origin}: arena.floor.picture"):
             picture = floor.picture and find_picture(floor.picture, folder)
         arena = self.arena.model_copy(update={"floor": floor.model_copy(update={"picture": picture})})
-        if not found._may_have_t_sync():
+        if not found._has_reference():
             stop = stop.limited(max((each.at_s or 0.0 for each in (*self.schedule, *self.faults)), default=0.0))
         found = found.model_copy(update={"arena": arena, "stop": stop})
         found = super(EmbodiedScenario, found).resolved(origin, folder)
@@ -395,7 +400,7 @@ class EmbodiedScenario(Scenario):
             others = self.model_dump(include={"robot", "robots", "timing", "stop"})
             self.validated({**others, "arena": arena}, f"{origin}.{number}.set")
 
-    def _may_have_t_sync(self) -> bool:
+    def _has_reference(self) -> bool:
         """Return whether the reference is an oscillator, or may be one at a point of a sweep."""
         reference = self.stop.reference_robot
         place, group = next((place, group) for place, group, numbers in members(self.robots) if reference in numbers)

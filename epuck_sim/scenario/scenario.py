@@ -254,6 +254,11 @@ class Scenario(ConfigModel):
         return any(getattr(self, key, ()) for key in ("faults", "schedule"))
 
     @property
+    def has_t_sync(self) -> bool:
+        """Whether trials have a T_sync, known or censored, or may have one at a point of its sweep."""
+        return self.stop.has_t_sync
+
+    @property
     def notes(self) -> list[str]:
         """Notes on what is allowed but may not be meant: changes after the end of trials, unless a sweep sets them."""
         found: list[str] = []

@@ -54,8 +54,9 @@ class Looks:
     def check(self, points: Sequence[Point]) -> None:
         """Raise EpuckSimError for a sweep without T_sync, with too low a limit of trials, or without the contrast."""
         scenario = points[0].scenario
-        if not all(point.scenario.stop.has_t_sync for point in points):
-            raise EpuckSimError("--until needs T_sync: give stop.order_parameter, or stop.when with stop.gives_t_sync")
+        if not all(point.scenario.has_t_sync for point in points):
+            said = "give stop.order_parameter and an oscillator as reference, or stop.when with stop.gives_t_sync"
+            raise EpuckSimError(f"--until needs T_sync: {said}")
         if scenario.trials < FIRST_LOOK:
             said = f"trials is {scenario.trials}, the most that --until may run at a point"
             raise EpuckSimError(f"{said}; allowed: {FIRST_LOOK} or more, such as --trials 1000")

@@ -21,6 +21,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
+from epuck_sim.util.messages import BY_OBSERVER
 from epuck_sim.util.native import working_s
 
 NOMINAL_PERIOD_S = 5.0  # length of a cycle, in seconds, if the reference is no oscillator (4.2.1)
@@ -120,11 +121,6 @@ class SynchronyWatch:
         return max(end - self._steps, 1)
 
     @property
-    def has_t_sync(self) -> bool:
-        """Whether the trial has a T_sync, known or censored: by a threshold only if the reference oscillates."""
-        return self._stop.gives_t_sync or (self.measures and self._threshold < math.inf)
-
-    @property
     def is_synchronised(self) -> bool:
         """Whether the order parameter has reached its threshold at a firing."""
         return self._synchrony is not None
@@ -168,17 +164,18 @@ def run_robots(
         for observer in observers:
             observer(step, watch)
         if simulation.steps != step.number + 1:
-            raise ValueError("an observer takes steps of the simulation, or resets it; allowed: looking, and commands")
+            raise ValueError(BY_OBSERVER)
         if watch.cycles > cycles:
             for observer in measuring.at_cycles:
                 observer(step, watch)
-    outcome = watch.outcome
-    is_known = watch.is_synchronised or (simulation.scenario.stop.gives_t_sync and measuring.is_over())
+    outcome, stop = watch.outcome, simulation.scenario.stop
+    has_t_sync = stop.gives_t_sync or (watch.measures and stop.order_parameter is not None)
+    is_known = watch.is_synchronised or (stop.gives_t_sync and measuring.is_over())
     return TrialResult(
         scenario=simulation.scenario.name,
         seed=simulation.seed,
         t_sync_cycles=outcome.cycles if is_known else None,
-        censored=not is_known if watch.has_t_sync else None,
+        censored=not is_known if has_t_sync else None,
         cycles=outcome.cycles,
         order_parameter=outcome.order_parameter,
         steps=simulation.steps,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
+from epuck_sim.util.messages import BY_OBSERVER
 from epuck_sim.util.native import working_s
 
 SLICE_S = 0.02  # wall time for which compiled code runs before it returns to Python, for Ctrl-C and for progress
@@ -47,9 +48,7 @@ def run_agents(
             break
         cycles = simulation.cycles
         if observers:
-            event = next(simulation)
-            for observer in observers:
-                observer(event, simulation)
+            _show_event(observers, simulation)
         else:
             asked = time.perf_counter()
             # progress shows order parameters, which are measured only at firings of the reference
@@ -84,6 +83,14 @@ def run_agents(
         wall_s=working_s() - began,
         events=tuple(simulation.events),
     )
+
+
+def _show_event(observers: Sequence[Observer], simulation: ParticleSimulation) -> None:
+    event = next(simulation)
+    for observer in observers:
+        observer(event, simulation)
+    if simulation.time_s != event.time_s:
+        raise ValueError(BY_OBSERVER)
 
 
 def _tell(measuring: Measuring, simulation: ParticleSimulation) -> None:

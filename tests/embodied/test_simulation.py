@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario, points, run_trial
+from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario, points
 from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE
 from epuck_sim.scenario.loader import write_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -321,17 +321,6 @@ def test_no_observer_changes_what_others_are_shown():
     shown = [each for each in (*step, *step.memories, step.sightings, step.contacts) if isinstance(each, np.ndarray)]
     assert len(shown) == 12
     assert not any(array.flags.writeable for array in shown)
-
-
-def test_one_thread_at_a_time_takes_steps_and_none_is_taken_by_an_observer():
-    simulation = Simulation("pair", 1)
-    with simulation._turn, pytest.raises(ValueError, match="another thread is taking steps"):
-        next(simulation)
-    for move in (simulation.reset, simulation.__next__):
-        with pytest.raises(ValueError, match="an observer takes steps"):
-            run_trial(simulation, [lambda step, _, move=move: step.number == 3 and move()])
-        simulation.reset()
-    assert following(simulation, 20) == following(Simulation("pair", 1), 20)
 
 
 def test_a_list_of_numbers_is_a_parameter_of_scenarios_axes_and_running_trials(tmp_path):

@@ -187,7 +187,7 @@ def test_swarms_of_one_seed_move_alike_whatever_their_oscillators_do(other, dime
             assert (getattr(one._arrays, name) == getattr(two._arrays, name)).all()
 
 
-def test_a_simulation_cannot_go_back_nor_to_a_time_that_is_not_finite_and_cycles_are_whole_numbers():
+def test_a_simulation_cannot_go_back_nor_to_a_time_that_is_not_finite_and_limits_are_whole_numbers():
     swarm = make_simulation(1)
     swarm.run_to(4.0)
     for time_s in (3.9, -1.0, math.nan, math.inf):
@@ -196,9 +196,10 @@ def test_a_simulation_cannot_go_back_nor_to_a_time_that_is_not_finite_and_cycles
             swarm.run_to(time_s)
         swarm.run_to(4.0)
         assert swarm.time_s == 4.0
-    for cycles in (-1, 1.5, "3"):
-        with pytest.raises(ValueError, match=f"cycles is {cycles!r}; allowed: whole numbers from 0"):
-            swarm.run(cycles)
+    limits = [("cycles", -1), ("cycles", 1.5), ("cycles", "3"), ("periods", "x"), ("pulses", 0), ("share", 1)]
+    for name, wrong in limits:
+        with pytest.raises(ValueError, match=f"{name} is {wrong!r}; allowed: (whole numbers )?from [01]"):
+            swarm.run(**{"cycles": 3, name: wrong})
 
 
 @settings(max_examples=60)

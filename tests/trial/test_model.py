@@ -43,6 +43,19 @@ def test_an_entry_that_a_schedule_does_not_have_is_refused(name: str, entry: flo
 
 
 @pytest.mark.parametrize("name", ["pair", "particles"])
+def test_one_thread_at_a_time_takes_steps_and_none_is_taken_by_an_observer(name: str) -> None:
+    simulation, other = (simulate(load_scenario(name), 1) for _ in range(2))
+    with simulation._turn, pytest.raises(ValueError, match="another thread is taking steps"):
+        list(zip(range(99), simulation, strict=False))
+    for move in (simulation.reset, simulation.__next__):
+        simulation.reset()
+        with pytest.raises(ValueError, match="an observer takes steps"):
+            run_trial(simulation, [lambda event, _, move=move: event.time_s > 0.3 and move()])
+    simulation.reset()
+    assert without_wall(run_trial(simulation)) == without_wall(run_trial(other))
+
+
+@pytest.mark.parametrize("name", ["pair", "particles"])
 def test_what_is_compiled_within_a_trial_is_not_of_its_time(name: str) -> None:
     spent_s: list[float] = []
 
