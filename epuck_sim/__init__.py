@@ -11,7 +11,10 @@ agents. Trials: `run_trial`, with `record`, `film_trial` and `Trace` as observer
 
 import lazy_loader
 
+from epuck_sim.errors import extras_named
+
 __version__ = "0.2.0.dev0"
 
 # `epuck-sim --help` must not wait for numba: names are imported when they are first used; __init__.pyi lists them
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_find, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = extras_named()(_find)

@@ -1,6 +1,7 @@
 """Errors that are meant for the person who made them: one readable message each, never a traceback."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 CODE_CHECKS: list[Callable[[Path], object]] = []
@@ -47,5 +48,35 @@ class PortError(EpuckSimError):
     """A port of this machine at which no page can be shown."""
 
 
+class ExtraError(EpuckSimError, ModuleNotFoundError):
+    """A package that is not installed, and the extra that brings it."""
+
+
 class NumbaError(EpuckSimError, ImportError):
     """A numba that cannot compile trials; an ImportError, as the server that forks workers ignores those."""
+
+
+EXTRAS = {
+    "av": ("av", "film"),
+    "cv2": ("opencv-python-headless", "film"),
+    "gymnasium": ("gymnasium", "learning"),
+    "matplotlib": ("matplotlib", "plot"),
+    "pettingzoo": ("pettingzoo", "learning"),
+    "pyarrow": ("pyarrow", "table"),
+    "rerun": ("rerun-sdk", "view"),
+    "rerun_cli": ("rerun-sdk", "view"),
+}
+"""Packages that no sweep needs, and the extras that install them, by the modules they bring."""
+
+
+@contextmanager
+def extras_named() -> Iterator[None]:
+    """Raise ExtraError where the block, or the function that is decorated, lacks a package of `EXTRAS`."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        module = (error.name or "").partition(".")[0]
+        if isinstance(error, ExtraError) or module not in EXTRAS:
+            raise
+        said = 'this needs {}, which is not installed: pip install "epuck-sim[{}]"'.format(*EXTRAS[module])
+        raise ExtraError(said, name=error.name) from error

@@ -12,17 +12,7 @@ from typing import TextIO
 
 import typer
 
-from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError
-
-EXTRAS = {
-    "av": ("av", "film"),
-    "cv2": ("opencv-python-headless", "film"),
-    "matplotlib": ("matplotlib", "plot"),
-    "pyarrow": ("pyarrow", "table"),
-    "rerun": ("rerun-sdk", "view"),
-    "rerun_cli": ("rerun-sdk", "view"),
-}
-"""Packages that no sweep needs, and the extras that install them, by the modules they bring."""
+from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError, extras_named
 
 SLOW_S = 10.0  # seconds after which a note is printed about work without a progress line
 
@@ -31,7 +21,8 @@ SLOW_S = 10.0  # seconds after which a note is printed about work without a prog
 def exit_on_error() -> Iterator[None]:
     """Turn a user's mistake into one message and exit code 2, Ctrl-C and leaving the debugger into exit code 130."""
     try:
-        yield
+        with extras_named():
+            yield
     except (KeyboardInterrupt, BdbQuit) as interrupt:
         typer.echo("interrupted", err=True)
         raise typer.Exit(130) from interrupt
@@ -51,9 +42,6 @@ def _message(error: Exception) -> str | None:
         if error.errno == errno.EPIPE:  # the reader of the output has closed it
             return None
         return f"{error.filename or 'the output cannot be written'}: {error.strerror or error}"
-    if isinstance(error, ModuleNotFoundError):
-        package, extra = EXTRAS.get((error.name or "").partition(".")[0], (None, None))
-        return package and f'this needs {package}, which is not installed: pip install "epuck-sim[{extra}]"'
     if isinstance(error, ValueError) and str(error).startswith("Key backend: "):  # as matplotlib is imported
         return f"MPLBACKEND: {error}"
     is_closed = isinstance(error, ValueError | AttributeError) and not all(map(_is_open, (sys.stdout, sys.stderr)))

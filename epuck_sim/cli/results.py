@@ -140,7 +140,7 @@ def compare(
     """Print how T_sync, or a measure, differs between run folders, values of an axis, or points."""
     from epuck_sim.cli.tables import show
     from epuck_sim.runs.reader import read_points
-    from epuck_sim.scenario.keys import axis_key, parse_axis
+    from epuck_sim.scenario.keys import parse_axis
     from epuck_sim.statistics.comparison import compare as compare_samples
     from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
 
@@ -157,9 +157,7 @@ def compare(
     )
     read = [read_points(folder, of, where) for folder in folders]
     if axis:
-        typed, values = parse_axis(axis[0], "--axis")
-        key = axis_key(typed, [point.axes for point in read[0]], f"--axis {axis[0]}")
-        samples = match_values(read[0], key, values)
+        samples = match_values(read[0], *parse_axis(axis[0], "--axis"))
     elif points:
         allowed = "allowed: numbers of points, one for each folder, or several of one, as in 3,0"
         wrong = ((re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)+", text) is None, text) for text in points)

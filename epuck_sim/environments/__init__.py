@@ -5,14 +5,12 @@ swarms; `RobotEnv` a Gymnasium `Env` of one robot among others, registered as `R
 `epuck-sim[learning]` brings what they need. See docs/learning.md.
 """
 
-try:
+from epuck_sim.errors import extras_named
+
+with extras_named():
     from epuck_sim.environments.one_swarm import ROBOT_ENV, RobotEnv, parallel_env
     from epuck_sim.environments.rewards import Situation, aggregation, coverage, synchrony
     from epuck_sim.environments.vector import Task, vector_env
-except ModuleNotFoundError as error:
-    if error.name not in ("gymnasium", "pettingzoo"):
-        raise
-    raise ModuleNotFoundError(f'{error}; pip install "epuck-sim[learning]"', name=error.name) from error
 
 __all__ = [
     "ROBOT_ENV",

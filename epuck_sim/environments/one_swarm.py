@@ -14,7 +14,7 @@ from pettingzoo import ParallelEnv
 
 from epuck_sim.arrays import Float32Array
 from epuck_sim.environments.vector import SwarmVectorEnv, Task, vector_env
-from epuck_sim.errors import ScenarioError
+from epuck_sim.errors import ScenarioError, extras_named
 from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.util.messages import short_repr, whole
 
@@ -126,6 +126,7 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         phase = np.nan_to_num(situation.phase[0], nan=-1.0)
         return np.column_stack([situation.poses[0], situation.ring_on[0], phase])
 
+    @extras_named()
     def render(self) -> "Picture | None":
         """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""
         if self.render_mode is None:

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import rerun as rr  # first: its extra brings pyarrow, too, and what is missing first is named
+
+# isort: split
 import pyarrow as pa
 import pyarrow.compute as pc
-import rerun as rr
 import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from epuck_sim.arena import Arena, Floor, clearance_cm, make_arena, make_floor
 from epuck_sim.arrays import ByteArray, FloatArray
+from epuck_sim.errors import extras_named
 from epuck_sim.geometry import box_corners, is_convex
 from epuck_sim.scenario.base import ConfigModel, Length, Number, Positive, refused_at
 from epuck_sim.util.messages import short_yaml
@@ -212,8 +213,9 @@ def read_grey(path: Path) -> ByteArray:
 
 
 @lru_cache(maxsize=8)
+@extras_named()
 def _read(path: Path, *_stamp: int) -> ByteArray:
-    import cv2  # noqa: PLC0415 is needed, and installed, where there are pictures
+    import cv2  # noqa: PLC0415 is needed where there are pictures
 
     try:
         picture = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)

@@ -23,6 +23,7 @@ from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows, texts_of_values
+from epuck_sim.scenario.keys import axis_key
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import (
     MeanError,
@@ -277,11 +278,12 @@ def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequen
 
 
 def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
-    """Match the points of one sweep that have these values of an axis, and are otherwise alike.
+    """Match the points of one sweep that have these values of an axis, or an ending of it, and are otherwise alike.
 
     The axis, and axes that are tied one-to-one to it, are not among the axes of a match.
     """
     rows = [point.axes for point in points]
+    key = axis_key(key, rows, "--axis")
     texts = texts_of_values(rows, key, values, "--axis")
     if len(set(texts)) < max(2, len(texts)):
         given = counted(len(set(texts)), "value")

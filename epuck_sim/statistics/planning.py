@@ -66,7 +66,11 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     """Return how many trials show a difference of T_sync, or of the measure that was requested from `read_points`.
 
     The difference is relative to the smaller mean; for truth values, it is the difference of the shares that are true.
+    ValueError: it is not above 0, or the power, a probability, not between 0 and 1.
     """
+    if not (difference > 0 and 0 < power < 1):
+        given = f"difference is {difference!r}, and power {power!r}"
+        raise ValueError(f"{given}; allowed: above 0, and between 0 and 1")
     measured = [measure(point) for point in points]
     known = [each for each in measured if len(each.values)]
     is_of_shares = bool(known) and all(each.is_share for each in known)

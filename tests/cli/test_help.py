@@ -11,8 +11,8 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
-from epuck_sim.cli.errors import EXTRAS
 from epuck_sim.cli.listing import list_measures
+from epuck_sim.errors import EXTRAS
 from epuck_sim.scenario.changes import NOT_OF_AGENTS
 from tests.cli.commands import called, read
 
@@ -159,8 +159,13 @@ def test_films_and_environments_need_no_extra_but_their_own(tmp_path) -> None:
     others = [module for module, (_, extra) in EXTRAS.items() if extra != "film"]
     ended = call_without(others, ["run pair --seed 3 --film pair.mp4", "track pair.mp4"], tmp_path)
     assert [code for code, _ in ended] == [0, 0], ended
-    hidden = f"import sys; sys.modules.update(dict.fromkeys({list(EXTRAS)})); import epuck_sim.environments"
-    subprocess.run([sys.executable, "-c", hidden], check=True)
+    others = [module for module, (_, extra) in EXTRAS.items() if extra != "learning"]
+    render = "epuck_sim.environments.parallel_env('pair', render_mode='rgb_array').render()"
+    lacking = f"import sys; sys.modules.update(dict.fromkeys({others})); import epuck_sim.environments"
+    for code in ("epuck_sim.film_trial", "epuck_sim.figures.plot", "epuck_sim.show", render):
+        lacking += f"\ntry: {code}\nexcept epuck_sim.EpuckSimError as error: print(str(error).split('epuck-sim')[1])"
+    said = subprocess.run([sys.executable, "-c", lacking], check=True, capture_output=True, text=True).stdout
+    assert said.split() == ['[film]"', '[plot]"', '[view]"', '[film]"']
 
 
 def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_they_lack(tmp_path) -> None:
@@ -170,8 +175,9 @@ def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_the
     whole += ["merge runs --out merged", "predict particles", "page pair --to pair.html"]
     ended = call_without(list(EXTRAS), [*whole, *LACKING], tmp_path)
     assert [code for code, _ in ended[: len(whole)]] == [0] * len(whole), ended
-    said = 'error: this needs {}, which is not installed: pip install "epuck-sim[{}]"\n'
-    assert ended[len(whole) :] == [[2, said.format(*each)] for each in LACKING.values()]
+    said = 'this needs {}, which is not installed: pip install "epuck-sim[{}]"\n'
+    lines = [(code, line[line.index("this") :]) for code, line in ended[len(whole) :]]
+    assert lines == [(2, said.format(*each)) for each in LACKING.values()]
 
 
 def test_variables_of_libraries_that_leave_nothing_to_do_are_refused_in_words(tmp_path) -> None:

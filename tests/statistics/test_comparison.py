@@ -62,7 +62,7 @@ def test_points_of_two_folders_are_matched_by_their_axis_values_and_others_are_c
 def test_two_values_of_an_axis_with_or_without_an_order_are_matched_over_the_others_that_are_not_tied_to_it() -> None:
     sizes = {"zip": {WIDTH: [40, 60, 80], HEIGHT: [40, 60, 80]}, "grid": {SPEED: [1, 2], COUNT: [3]}}
     made = in_memory(sweep(None, sweep=sizes), lambda point: ended([point.axes[WIDTH] + point.axes[SPEED]]))
-    samples = match_values(made, WIDTH, [80, 40.0])
+    samples = match_values(made, "width_cm", [80, 40.0])
     assert samples.names == [f"{WIDTH} = 80", f"{WIDTH} = 40.0"]
     found = [(axes, one.times[0], two.times[0]) for axes, (one, two) in samples.matches]
     assert found == [({SPEED: 1, COUNT: 3}, 81, 41), ({SPEED: 2, COUNT: 3}, 82, 42)]

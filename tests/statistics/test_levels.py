@@ -146,6 +146,9 @@ def test_truth_values_are_planned_by_their_shares() -> None:
     assert [point.trials for point in plan.points] == [*alone, None]
     assert plan.over_all == trials_for_shares([0.5, 0.0], 0.2, 0.8)
     assert plan_trials(of_measure([True, False] * 10), 0.6, 0.8).over_all is None
+    for difference, power in ((-0.2, 0.8), (0.2, 80)):
+        with pytest.raises(ValueError, match=rf"difference is {difference}, and power {power}; allowed: above 0, and"):
+            plan_trials([], difference, power)
 
 
 def share_of_exact_tests(first: float, second: float, trials: int) -> float:
