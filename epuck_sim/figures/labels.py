@@ -117,8 +117,8 @@ def format_axis_values(
     'reorienting on = emitting and receiving, R = none'
     >>> format_axis_values({"neighbourhood": {"kind": "range", "radius_cm": 25}})
     'neighbourhood = range, R = 25 cm'
-    >>> format_axis_values({"arena.walls": "low", "robots.0.signal": {"kind": "cone", "range_cm": 85}})
-    'walls = low, signal = cone, range = 85 cm'
+    >>> format_axis_values({"low": True, "arena.walls": "low", "robots.0.signal": {"kind": "cone", "range_cm": 85}})
+    'low = true, walls = low, signal = cone, range = 85 cm'
     >>> format_axis_values({"arena.obstacles": [{"shape": "circle", "x_cm": 5, "y_cm": 9, "radius_cm": 2}]})
     'obstacles = circle, x = 5 cm, y = 9 cm, radius = 2 cm'
     >>> format_axis_values({"folder": "mine", "robots.0.count": 10})
@@ -154,6 +154,8 @@ def format_value(key: str, value: Any) -> str:
         return ", ".join(filter(None, [*kinds, format_axis_values(details)]))
     if isinstance(value, list | tuple):
         return " and ".join(format_value(key, each) for each in value) or "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
     return "none" if value is None else f"{value}{unit}" if unit in ("", "°") else f"{value} {unit}"
 
 

@@ -47,7 +47,7 @@ class Trace:
         """Check that the file can be written; the `with` block opens it.
 
         Args:
-            path: File to write, in the format Parquet.
+            path: File to write, FILE.parquet.
             scenario: Scenario of the trial, of model `embodied`, or what `load_scenario` takes.
             seed: The trial's seed; None for the scenario's own.
             memory: Fields of the controllers' MEMORY, each of which becomes a column `memory.NAME`.
@@ -55,10 +55,12 @@ class Trace:
 
         Raises:
             ScenarioError: The scenario is of another model, the seed is not allowed, or no controller has such a field.
-            EpuckSimError: The file cannot be written.
+            EpuckSimError: The file has another ending, or cannot be written.
         """
         path = Path(path)
         scenario = load_of_model(scenario, EmbodiedScenario, "traces need model: embodied")
+        if path.suffix != ".parquet":
+            raise EpuckSimError(f"{path}: a trace's name must end in .parquet, its format")
         check_target(path)
         self._path, self.trial_seed, self.trial_scenario = path.resolve(), seed_of_trial(scenario, seed), scenario
         self._robots = scenario.robot_count

@@ -217,6 +217,8 @@ def test_where_the_trial_fails_or_has_no_step_an_older_trace_stays_and_nothing_e
     said = r"t\.parquet: cannot be written: there was no step"
     with pytest.raises(EpuckSimError, match=said), Trace(path, load_scenario("thesis"), 0):
         pass
+    with pytest.raises(EpuckSimError, match=r"t\.csv: a trace's name must end in \.parquet"):
+        Trace(tmp_path / "t.csv", "thesis", 0)
     assert [each.read_text() for each in tmp_path.iterdir()] == ["older"]
 
 
