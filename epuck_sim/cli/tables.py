@@ -47,7 +47,7 @@ def terminal_width() -> int | None:
 
 def folded(line: str) -> str:
     """Return a line of text, wrapped to a terminal's width between words; further lines are indented."""
-    width = terminal_width()
+    line, width = line.replace("\n", " "), terminal_width()
     return line if width is None else "\n    ".join(textwrap.wrap(line, width - 4, break_long_words=False))
 
 

@@ -11,6 +11,7 @@ import shlex
 import shutil
 import struct
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -150,7 +151,8 @@ def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
         code = part.with_name("code.o")
         _run(path, [*compiler, *FLAGS, *ERRORS, "-isystem", HEADERS, "-c", path, "-o", code])
         _reject_shared(code, sources)
-        _run(path, [*compiler, "-shared", "-Wl,-z,defs", code, "-o", part, "-lm"])
+        whole = [] if sys.platform == "darwin" else ["-Wl,-z,defs"]  # what a linker of macOS does by itself
+        _run(path, [*compiler, "-shared", *whole, code, "-o", part, "-lm"])
 
     contents = [settings, (HEADERS / "epuck.h").read_bytes(), *sources.values()]
     return _library(contents, build), sources
@@ -164,7 +166,7 @@ def _run(path: Path, command: Sequence[str | Path]) -> str:
         if found := FOR_THE_ROBOT.search(source):
             line = source.count("\n", 0, found.start()) + 1
             raise ControllerError(f"{path}:{line}: {found[0]!r}: {FOR_THE_ROBOT_ITSELF}")
-        if missing := re.search(r"undefined reference to .(start|step)'", run.stderr):
+        if missing := re.search(r"""(?:undefined reference to .|"_)(start|step)['"]""", run.stderr):
             raise ControllerError(f"{path}: has no function void {missing[1]}(void), which the simulator calls")
         said = "\n".join(f"  {line}" for line in (run.stderr or run.stdout).splitlines())
         raise ControllerError(f"{path}: {command[0]} cannot compile it:\n{said}")
@@ -175,9 +177,10 @@ def _reject_shared(code: Path, sources: Mapping[Path, bytes]) -> None:
     lister = shutil.which("nm")
     if lister is None:
         return
-    listed = subprocess.run([lister, "-f", "sysv", code], capture_output=True, text=True, check=False).stdout
-    rows = [[part.strip() for part in line.split("|")] for line in listed.splitlines() if line.count("|") == 6]
-    for name, _, kind, _, _, _, section in rows:
+    table = subprocess.run([lister, "-f", "sysv", code], capture_output=True, text=True, check=False).stdout
+    rows = [[part.strip() for part in line.split("|")] for line in table.splitlines() if line.count("|") == 6]
+    for listed, _, kind, _, _, _, section in rows:
+        name = listed.removeprefix("_" * (sys.platform == "darwin"))  # where all names begin so
         plain = name.partition(".")[0]  # `count.0` is a variable inside a function
         if name == "main":
             raise ControllerError(f"{_line_of(name, sources)}: {name!r}: {FOR_THE_ROBOT_ITSELF}")

@@ -128,7 +128,7 @@ def cell_text(cell: Any) -> str:
         return f"<= {significant(cell)}"
     if isinstance(cell, list | tuple) and not isinstance(cell, Estimate):
         return f"{len(cell)} values"
-    return significant(cell) if isinstance(cell, float) else str(cell)
+    return significant(cell) if isinstance(cell, float) else str(cell).replace("\n", r"\n")
 
 
 def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -194,7 +194,7 @@ def _columns(table: Table) -> list[_Column]:
         values = [row.axes[key] for row in table.rows]
         endings = shortest_endings([value for value in values if isinstance(value, str)], "/")
         # values of axes with all of their digits, which tell points apart
-        texts = [endings[value] if isinstance(value, str) else in_yaml(value) for value in values]
+        texts = [endings[value].replace("\n", r"\n") if isinstance(value, str) else in_yaml(value) for value in values]
         axes.append(_Column(short[key], values, texts, True))
     for name, heading in headings.items():
         values = [row.cells[name] for row in table.rows]

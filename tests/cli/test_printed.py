@@ -256,13 +256,13 @@ def test_the_status_tells_what_made_trials_who_is_at_work_and_the_first_failures
     boom = "thesis: robot {0}, step {1}, seed {1}{0}: /my files/my.py:18: RuntimeError: boom"
     died = "its worker died: killed; see --point 0 --trial {}, or else"
     kinds = [Failure(0, n, n, error.format(n, n + 1)) for n in range(20) for error in (boom, died)]
-    bang = Failure(1, 5, 9, boom.format(0, 3).replace("boom", "bang"))
+    bang = Failure(1, 5, 9, boom.format(0, 3).replace("boom", "bang\n(two lines)"))
     print_status(status(failed=[*kinds, FAILURES[3], bang]), False)
     assert capsys.readouterr().out.splitlines()[4:] == [
         "  failed: 20 trials: my.py:18: RuntimeError: boom; the first: --point 0 --trial 0",
         f"  failed: 20 trials: {died.replace('0 --trial {}', 'N --trial N')}; the first: --point 0 --trial 0",
         "  failed: --point 3 --trial 9: ValueError: 3",
-        f"  failed: --point 1 --trial 5: {bang.error}",
+        f"  failed: --point 1 --trial 5: {' '.join(bang.error.splitlines())}",
     ]
     at_limit = (PointAtLimit(3, {"coupling": 0.1}, 20),)
     given = status(at_work="process 5 on here", failed=FAILURES, at_limit=at_limit)

@@ -1,7 +1,9 @@
 """Firmware in C does what the same controller in Python does, bit for bit; what is wrong with it is said clearly."""
 
+import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -126,6 +128,18 @@ def test_a_library_that_is_none_of_something_else_or_without_its_end_is_refused_
         (tmp_path / "cut.so").write_bytes(contents[:length])
         with pytest.raises(ControllerError, match=r"cut\.so: is not a whole library: its end is missing"):
             find_controller(str(tmp_path / "cut.so"))
+
+
+def test_names_of_macos_begin_with_an_underscore_and_its_linker_has_other_options(tmp_path, monkeypatch):
+    stand_ins = {"nm": "%s \"$@\" | sed 's/^[a-z]/_&/'", "cc": 'case "$*" in *-z,defs*) exit 1; esac; exec %s "$@"'}
+    for name, script in stand_ins.items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{script % shutil.which(name)}\n")
+        (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert write_firmware(tmp_path / "mine.c", head=f"/* never compiled before: {tmp_path} */").library
+    with pytest.raises(ControllerError, match=r"mine\.c:4: 'seen' is a variable that all robots would share"):
+        write_firmware(tmp_path / "mine.c", head="int seen;")
 
 
 def test_a_file_is_compiled_once_and_again_by_another_compiler_or_when_damaged_but_not_without(tmp_path, monkeypatch):

@@ -200,10 +200,10 @@ def test_what_fits_stands_in_one_part_with_numbers_below_each_other_and_columns_
 
 
 def test_values_of_axes_are_shown_as_scenarios_have_them_and_with_all_of_their_digits_in_csv() -> None:
-    axes = [[{"shape": "box", "x_cm": 30, "is_low": True}], [], None, False]
+    axes = [[{"shape": "box", "x_cm": 30, "is_low": True}], [], None, False, "a\nb"]
     lines = Table("", [Row({"arena.obstacles": each}, {"trials": n}) for n, each in enumerate(axes)]).to_text()
     shown = [line.rpartition("  ")[0].strip() for line in lines.splitlines()[2:]]
-    assert shown == ["[{shape: box, x_cm: 30, is_low: true}]", "[]", "null", "false"]
+    assert shown == ["[{shape: box, x_cm: 30, is_low: true}]", "[]", "null", "false", r"a\nb"]
     each = ((1_000_000, 1234567), (1_000_001, np.int64(1234567)))
     rows = [Row({"max_cycles": cycles, "speed": 0.1234567}, {"trials": trials}) for cycles, trials in each]
     head, *lines = Table("", rows).to_csv().splitlines()
