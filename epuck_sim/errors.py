@@ -59,12 +59,12 @@ class NumbaError(EpuckSimError, ImportError):
 EXTRAS = {
     "av": ("av", "film"),
     "cv2": ("opencv-python-headless", "film"),
+    "distributed": ("distributed", "cluster"),
     "gymnasium": ("gymnasium", "learning"),
     "matplotlib": ("matplotlib", "plot"),
     "pettingzoo": ("pettingzoo", "learning"),
     "pyarrow": ("pyarrow", "table"),
     "rerun": ("rerun-sdk", "view"),
-    "rerun_cli": ("rerun-sdk", "view"),
 }
 """Packages that no sweep needs, and the extras that install them, by the modules they bring."""
 
@@ -75,8 +75,7 @@ def extras_named() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        module = (error.name or "").partition(".")[0]
-        if isinstance(error, ExtraError) or module not in EXTRAS:
+        if (module := (error.name or "").partition(".")[0]) not in EXTRAS:
             raise
         said = 'this needs {}, which is not installed: pip install "epuck-sim[{}]"'.format(*EXTRAS[module])
         raise ExtraError(said, name=error.name) from error

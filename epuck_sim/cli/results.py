@@ -141,8 +141,7 @@ def compare(
     from epuck_sim.cli.tables import show
     from epuck_sim.runs.reader import read_points
     from epuck_sim.scenario.keys import parse_axis
-    from epuck_sim.statistics.comparison import compare as compare_samples
-    from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
+    from epuck_sim.statistics import comparison
 
     names, places = [*map(str, folders)], [folder.resolve() for folder in folders]
     twice = [name for name, place in zip(names, places, strict=True) if places.count(place) > 1]
@@ -157,7 +156,7 @@ def compare(
     )
     read = [read_points(folder, of, where) for folder in folders]
     if axis:
-        samples = match_values(read[0], *parse_axis(axis[0], "--axis"))
+        samples = comparison.match_values(read[0], *parse_axis(axis[0], "--axis"))
     elif points:
         allowed = "allowed: numbers of points, one for each folder, or several of one, as in 3,0"
         wrong = ((re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)+", text) is None, text) for text in points)
@@ -166,13 +165,13 @@ def compare(
         if len(read) == 1:
             sides = range(1, max(2, len(chosen[0])) + 1)
             read, names = len(sides) * read, [f"{folders[0]}, place {side}" for side in sides]
-        samples = match_points(read, names, chosen)
+        samples = comparison.match_points(read, names, chosen)
     else:
-        samples = match_folders(read, names)
+        samples = comparison.match_folders(read, names)
     with note_if_slow("comparing"):
-        compared = compare_samples(samples, with_first=with_first)
+        compared = comparison.compare(samples, with_first=with_first)
     found = compared[0] if len(samples.names) == 2 else compared
-    show(comparison_tables(compared), found, as_json=as_json, as_csv=as_csv)
+    show(comparison.comparison_tables(compared), found, as_json=as_json, as_csv=as_csv)
     _name_failed(folders)
 
 

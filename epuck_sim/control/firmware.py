@@ -182,16 +182,17 @@ def _reject_shared(code: Path, sources: Mapping[Path, bytes]) -> None:
     for listed, _, kind, _, _, _, section in rows:
         name = listed.removeprefix("_" * (sys.platform == "darwin"))  # where all names begin so
         plain = name.partition(".")[0]  # `count.0` is a variable inside a function
-        if name == "main":
-            raise ControllerError(f"{_line_of(name, sources)}: {name!r}: {FOR_THE_ROBOT_ITSELF}")
         is_variable = kind in "bBdDC" and not section.startswith(".data.rel.ro")
-        if is_variable and plain not in OWN_VARIABLES:
+        if name == "main":
+            said = f"{name!r}: {FOR_THE_ROBOT_ITSELF}"
+        elif is_variable and plain not in OWN_VARIABLES:
             advice = "make it a part of MEMORY, where each robot has its own, or const"
             said = f"{plain!r} is a variable that all robots would share; {advice}"
-            raise ControllerError(f"{_line_of(plain, sources)}: {said}")
-        if kind == "U" and plain in SHARED_RANDOM:
+        elif kind == "U" and plain in SHARED_RANDOM:
             said = f"{plain}() is shared by all robots; use e_randint() or e_uniform()"
-            raise ControllerError(f"{_line_of(plain, sources)}: {said}")
+        else:
+            continue
+        raise ControllerError(f"{_line_of(plain, sources)}: {said}")
 
 
 def _line_of(name: str, sources: Mapping[Path, bytes]) -> str:

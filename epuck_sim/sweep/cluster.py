@@ -9,7 +9,7 @@ from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from epuck_sim.errors import ClusterError, EpuckSimError
+from epuck_sim.errors import ClusterError, EpuckSimError, extras_named
 from epuck_sim.runs.sources import own_files
 from epuck_sim.sweep.scheduler import Pool
 from epuck_sim.sweep.worker import Task
@@ -41,10 +41,8 @@ class DaskCluster:
 
         If the scheduler has answered before, and is gone, wait for it.
         """
-        try:
+        with extras_named():
             from distributed import KilledWorker  # noqa: PLC0415 an extra, and slow to import
-        except ImportError as error:
-            raise ClusterError('--dask needs the extra `cluster`: pip install "epuck-sim[cluster]"') from error
         log = logging.getLogger("distributed")
         level = log.level
         log.setLevel(logging.CRITICAL + 1)  # our messages say the same

@@ -144,6 +144,7 @@ LACKING = {  # which package each command lacks, and the extra that installs it
     "run pair --film pair.mp4": ("opencv-python-headless", "film"),
     "run pair --set arena.floor.picture=runs/scenario.yaml": ("opencv-python-headless", "film"),
     "run pair --live": ("rerun-sdk", "view"),
+    "run pair --out d --dask tcp://here:1": ("distributed", "cluster"),
     "track film.mp4": ("opencv-python-headless", "film"),
 }
 
