@@ -57,6 +57,7 @@ class NumbaError(EpuckSimError, ImportError):
 
 
 EXTRAS = {
+    "IPython": ("ipython", "notebook"),
     "av": ("av", "film"),
     "cv2": ("opencv-python-headless", "film"),
     "distributed": ("distributed", "cluster"),

@@ -163,7 +163,6 @@ class ParticleSimulation:
         self._arrays.block[:] = block
 
     def __iter__(self) -> Iterator[Event]:
-        """Return the simulation itself, which continues from its present state."""
         return self
 
     def __next__(self) -> Event:

@@ -21,7 +21,7 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, facts, to_html
-from epuck_sim.errors import EpuckSimError, RecordingError, ScenarioError
+from epuck_sim.errors import EpuckSimError, RecordingError, ScenarioError, extras_named
 from epuck_sim.recording import Level, series
 from epuck_sim.recording.layers import CONTACTS, HEADINGS, LINKS, MOVABLES, ROBOTS, SIGHTINGS, unit_vectors
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL, arrangement_of, make_layout
@@ -267,8 +267,6 @@ def read_recording(path: Path | str) -> Recorded:
 
 WIDTH_PX, HEIGHT_PX = 960, 600  # size of the viewer in a notebook
 
-NEEDED = 'showing needs parts of Jupyter, which are not installed: pip install "epuck-sim[notebook]"'
-
 
 def show(file: Path | str) -> Any:
     """Show a recording, FILE.rrd, in rerun's viewer within a notebook, or a film, FILE.mp4, at the end of a cell.
@@ -283,10 +281,8 @@ def show(file: Path | str) -> Any:
     if not path.is_file():
         raise EpuckSimError(f"{path}: there is no such file")
     if path.suffix == ".mp4":
-        try:
+        with extras_named():
             from IPython.display import Video  # noqa: PLC0415 is there in notebooks
-        except ModuleNotFoundError as error:
-            raise EpuckSimError(NEEDED) from error
         return Video(str(path), embed=True)  # type: ignore[no-untyped-call]
     if path.suffix != ".rrd":
         raise EpuckSimError(f"{path}: unknown format {path.suffix!r}; allowed: .rrd, .mp4")
@@ -294,7 +290,8 @@ def show(file: Path | str) -> Any:
 
     layout = read_layout(path)
     if not notebook.HAS_NOTEBOOK:
-        raise EpuckSimError(NEEDED)
+        said = "showing needs parts of Jupyter, which are not installed"
+        raise EpuckSimError(f'{said}: pip install "epuck-sim[notebook]"')
     reader = RrdReader(path)
     (recorded,) = reader.recordings()
     stream = rr.RecordingStream(recorded.application_id, recording_id=recorded.recording_id, send_properties=False)
