@@ -210,7 +210,7 @@ def _without_told(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
     for column in columns:
         texts, first = column.texts, dict[str, int]()
         pattern = tuple(first.setdefault(text, len(first)) for text in texts)
-        if len(first) == 1 and not isinstance(column.cells[0], Estimate):
+        if len(first) == 1 and (texts[0] == "-" or not isinstance(column.cells[0], Estimate)):
             said.append(f"{column.heading} {'= ' * column.is_axis}{texts[0]}")
         elif column.is_axis and pattern in patterns:
             values = list(dict.fromkeys(texts))

@@ -391,7 +391,7 @@ class Summaries(list[PointSummary]):
         for point in self:
             censored = {"censored": Share(point.censored) if point.trials else None} if is_time else {}
             estimates = {name: point.estimates[name] for name in names}
-            cells = {**censored, **estimates, "unit": point.unit, "horizon": point.horizon}
+            cells = {**censored, **estimates, "unit": point.unit, **({"horizon": point.horizon} if is_time else {})}
             rows.append(Row(point.axes, {"point": point.point, "trials": point.trials, **cells}))
         title = f"{folder}{': ' * bool(folder)}{self.label}, with 95 % intervals"
         return Table(title, rows, [*self._notes()], {**names, "unit": "", "horizon": ""})
