@@ -18,12 +18,12 @@ from epuck_sim.embodied.bodies.chipmunk import move_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
 from epuck_sim.embodied.changes.schedule import blank, rest
-from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
+from epuck_sim.embodied.observers import MANY_SEEN, Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.own_sensors import OwnSensor
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.signals import perceive_flashes, receive_pulses
-from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, PIXELS, Swarm, copy_array, swarm_at
+from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, KEEP, PIXELS, Swarm, copy_array, swarm_at
 from epuck_sim.embodied.user_code import GroupControllers
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
@@ -273,6 +273,7 @@ class ControlLoop:
         swarm.scene[0].late, swarm.scene[0].calls = len(early), len(every)
         self.functions = {number: function for function, number in numbers.items()}
         self.addresses = np.array(addresses, np.int64)
+        self.kept: IntArray = np.zeros(0, np.int64)  # what cameras keep, see `KEEP`
         world.use(block, swarm, self.addresses)
         self.is_compiled = not (interpret or world.is_public)
         self.take_steps: Any = take_steps if self.is_compiled else _in_python(swarm, world, every)
@@ -310,6 +311,8 @@ class Stretch:
     first: int  # number of the first step
     present: BoolArray  # (robots,): whether each robot is in the arena
     scene: Scene  # the arena and its robots, for observers
+    kept: IntArray | None  # (sightings, 3) whom cameras saw lit, by number of the step; None if they kept not all
+    keep: Callable[[], None]  # has cameras keep whom they see in the next stretches, if they can
     poses: FloatArray  # (steps, robots, 3) cm, cm, rad: x, y, heading
     wheels_cm_s: FloatArray  # (steps, robots, 2) cm/s: left and right wheel as commanded
     ring_on: BoolArray  # (steps, robots): whether the ring is lit
@@ -319,7 +322,11 @@ class Stretch:
     @cached_property
     def sightings(self) -> IntArray:
         """(sightings, 3) step from 0, robot that looks, and robot whose lit ring it sees, as `Step.sightings`."""
-        return find_sightings(self.scene, self.poses, self.present, self.ring_before)
+        self.keep()
+        if self.kept is None:
+            return find_sightings(self.scene, self.poses, self.present, self.ring_before)
+        found: IntArray = self.kept[self.present[self.kept[:, 1]]]
+        return found - (self.first, 0, 0)
 
     @cached_property
     def views(self) -> IntArray:
@@ -386,9 +393,12 @@ class History:
         in_python = {"take_steps": loop.take_steps, "swarm_at": lambda _: swarm}
         self._record = record if loop.is_compiled else bind(record.function, **in_python)
         self._scene = make_scene(scenario.robots, scenario.group_kinds, arena)
+        signals = {group.signal.kind for group in scenario.robots}  # others do not look for all rings
+        self._can_keep = signals <= {"camera", "radio"} and not swarm.scene[0].hides_flashes
 
     def take(self, steps: int) -> int:
         """Take up to this number of steps, as `record_steps` does."""
+        self._loop.kept[:1] = 0
         return int(self._record(self._block, self._loop.addresses, steps, *self._arrays, self._places))
 
     def stretch(self, first: int, steps: int) -> Stretch:
@@ -396,7 +406,18 @@ class History:
         circles, arena = self._scene.swarm.circles, self._arena
         if arena.first_movable < len(circles):
             circles["x"], circles["y"], circles["radius"] = arena.circles.T
-        return Stretch(first, self._present, self._scene, *(each[:steps] for each in self._arrays))
+        kept = self._loop.kept
+        are_all = len(kept) and 3 * kept[0] <= kept[1]
+        found = kept[2 : 2 + 3 * kept[0]].reshape(-1, 3) if are_all else None
+        return Stretch(first, self._present, self._scene, found, self._keep, *(each[:steps] for each in self._arrays))
+
+    def _keep(self) -> None:
+        loop, robots = self._loop, len(self._present)
+        if self._can_keep and not len(loop.kept):
+            room = 3 * MOST_STEPS * robots * min(robots, MANY_SEEN)
+            loop.kept = np.zeros(2 + room, np.int64)
+            loop.kept[1] = room
+            loop.addresses[KEEP] = loop.kept.ctypes.data - self._block.ctypes.data
 
 
 def check_command(name: str, values: npt.NDArray[Any], robots: IntArray) -> None:

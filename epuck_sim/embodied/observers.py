@@ -17,8 +17,8 @@ from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies.contacts import SLOP_CM
 from epuck_sim.embodied.cells import cells_around, members_in_row, sort_into_cells
 from epuck_sim.embodied.layout import furnish, room_for
-from epuck_sim.embodied.sensors.camera import see
-from epuck_sim.embodied.sensors.sight import list_labelled
+from epuck_sim.embodied.sensors.camera import list_seen, see
+from epuck_sim.embodied.sensors.sight import add_pair, list_labelled
 from epuck_sim.embodied.sensors.signals import perceives
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
 from epuck_sim.scenario.embodied import TimingSection
@@ -55,7 +55,7 @@ def place_robots(block: ByteArray, poses: FloatArray) -> None:
 
 def _with_room(write: Callable[..., int], *arrays: Any) -> Any:
     """Return arrays up to the rows that a function writes; it writes longer ones if these have too few rows."""
-    count = write(*arrays)
+    count = write(*map(np.ravel, arrays))
     if count <= len(arrays[0]):
         return [array[:count] for array in arrays]
     return _with_room(write, *(np.empty((count, array.shape[1]), array.dtype) for array in arrays))
@@ -79,9 +79,9 @@ def find_sightings(
     parts, listed = [np.empty((0, 3), np.int64)], np.ones(poses.shape[:2], np.bool_) if listed is None else listed
     for number, group in enumerate(scene.groups):
         if group.signal.kind != "radio":
-            write = write_seen if group.signal.kind == "camera" else write_perceived
+            write = partial(write_sightings, scene.block, number, group.signal.kind == "camera", poses, listed)
             room = min(poses.shape[1], MANY_SEEN) * len(poses) * group.count
-            parts += _with_room(partial(write, scene.block, number, poses, listed), np.empty((room, 3), np.int64))
+            parts += _with_room(write, np.empty((room, 3), np.int64))
     found: IntArray = np.concatenate(parts)
     if len(scene.groups) > 1:
         found = found[np.argsort(found[:, 0], kind="stable")]
@@ -89,43 +89,24 @@ def find_sightings(
 
 
 @jit_no_alloc
-def write_perceived(block: ByteArray, number: int, poses: FloatArray, listed: BoolArray, found: IntArray) -> int:
-    """Write the sightings of a group without cameras, as far as there is room; return the number of all."""
+def write_sightings(
+    block: ByteArray, number: int, has_cameras: bool, poses: FloatArray, listed: BoolArray, found: IntArray
+) -> int:
+    """Write the sightings of a group, as far as there is room; return the number of all."""
     swarm = swarm_at(block)
     group, robots = swarm.groups[number], len(swarm.robots)
+    row = swarm.numbers[2 * robots : 2 * robots + group.pixels]
     sightings = 0
-    for step in range(len(poses)):
-        if _show(block, poses, listed, step) == 0:
-            continue
-        for observer in range(group.first, group.first + group.count):
-            for robot in range(robots):
-                if swarm.numbers[robots + robot] > 0 and perceives(swarm, group.cone, observer, robot):
-                    sightings = _add(step, observer, robot, found, sightings)
-    return sightings
-
-
-@jit_no_alloc
-def write_seen(block: ByteArray, number: int, poses: FloatArray, listed: BoolArray, found: IntArray) -> int:
-    """Do the same for a group with cameras."""
-    swarm = swarm_at(block)
-    group, robots = swarm.groups[number], len(swarm.robots)
-    last_row = swarm.numbers[2 * robots : 3 * robots]  # number, over all steps, of the last row that showed each robot
-    row = swarm.numbers[3 * robots : 3 * robots + group.pixels]
-    sightings = rows = 0
-    for robot in range(robots):
-        last_row[robot] = 0
     for step in range(len(poses)):
         lit = _show(block, poses, listed, step)
         for observer in range(group.first, group.first + group.count if lit > 0 else 0):
-            rows += 1
             for pixel in range(group.pixels):
                 row[pixel] = 0
-            see(swarm, group, observer, lit, row)
-            for pixel in range(group.camera.first, group.camera.end):
-                seen = row[pixel] - 1
-                if seen >= 0 and last_row[seen] != rows:
-                    last_row[seen] = rows
-                    sightings = _add(step, observer, seen, found, sightings)
+            if has_cameras and see(swarm, group, observer, lit, row):
+                sightings = list_seen(step, observer, row, found, sightings)
+            for place in range(0 if has_cameras else lit):
+                if perceives(swarm, group.cone, observer, swarm.numbers[place]):
+                    sightings = add_pair(step, observer, swarm.numbers[place], found, sightings)
     return sightings
 
 
@@ -140,14 +121,6 @@ def _show(block: ByteArray, poses: FloatArray, listed: BoolArray, step: int) -> 
     if lit > 0:
         place_robots(block, poses[step])
     return lit
-
-
-@jit_no_alloc
-def _add(step: int, robot: int, other: int, found: IntArray, count: int) -> int:
-    """Write a row if there is room; return the number of rows so far."""
-    if count < len(found):
-        found[count, 0], found[count, 1], found[count, 2] = step, robot, other
-    return count + 1
 
 
 def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -224,6 +197,6 @@ def _add_contact(
     step: int, robot: int, other: int, point: tuple[float, float], found: IntArray, points: FloatArray, count: int
 ) -> int:
     """Write a contact if there is room; return the number of contacts so far."""
-    if count < len(points):
-        points[count, 0], points[count, 1] = point
-    return _add(step, robot, other, found, count)
+    if 2 * count < len(points):
+        points[2 * count], points[2 * count + 1] = point
+    return add_pair(step, robot, other, found, count)

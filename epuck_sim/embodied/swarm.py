@@ -211,9 +211,10 @@ CHANGE = record_type([("time_ms", "f8"), ("fault", "i8"), ("robot", "i8"), ("beg
 CALL = record_type([("function", "i8"), ("argument", "i8")])
 """A call: index in the addresses of a function (block, addresses, argument), and its argument."""
 
-SPACE, GROUND, HIDE = range(3)
+SPACE, GROUND, HIDE, KEEP = range(4)
 """Indices in the addresses: Chipmunk's space, the body of the floor, and the function (block, addresses, robot) that
-writes to the scratch numbers which lit rings faults leave visible to a robot."""
+writes to the scratch numbers which lit rings faults leave visible to a robot. Last the offset in bytes, from the block,
+of what cameras keep; 0 if nobody asks: the number of sightings, that of words for them, and these, see `list_seen`."""
 
 ARRAYS = 23  # number of arrays in a block, the scene included; see `DTYPES`
 

@@ -18,7 +18,7 @@ from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.layout import room_for, set_arena, set_bodies
 from epuck_sim.embodied.sensors.camera import add_reflections, look, set_camera
 from epuck_sim.embodied.sensors.infrared import sense_infrared, set_infrared
-from epuck_sim.embodied.swarm import make_block, open_block
+from epuck_sim.embodied.swarm import KEEP, make_block, open_block
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSection, InfraredSection, RobotGroup
@@ -84,7 +84,7 @@ class CameraSettings(NamedTuple):
 
 
 CAMERA, INFRARED = CameraSettings(), InfraredSection()
-ADDRESSES = np.zeros(3, np.int64)  # of a swarm that calls nothing
+ADDRESSES = np.zeros(KEEP + 1, np.int64)  # of a swarm that calls nothing
 
 
 def block_of(scene: Scene, camera=CAMERA, observer=0, infrared=INFRARED, noise_counts=0.0) -> SimpleNamespace:

@@ -4,11 +4,14 @@ import math
 from collections import Counter
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim import Simulation, load_scenario
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied import loop
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.observers import find_contacts, find_sightings, make_scene
 from epuck_sim.scenario.robot_kind import EPUCK
@@ -166,3 +169,47 @@ def test_there_is_room_for_any_number_of_contacts() -> None:
     expected = [(step, *point) for step in range(3) for x, y in between for point in ((x, y), (y, x))]
     assert len(found) == len(expected) == 60 * 3
     assert np.abs(found[:, None] - np.array(expected)[None]).max(axis=2).min(axis=0).max() < 1e-9
+
+
+LOOKING = [
+    {"count": 12},
+    {"count": 8, "camera": {"frames_per_s": 7, "latency_ms": 90, "reflection_range_cm": 60}},
+    {"count": 3, "signal": {"kind": "radio"}},
+]
+COLUMN = {"shape": "circle", "x_cm": 60, "y_cm": 60, "radius_cm": 1}  # robots show on both sides of it
+DISC = {"x_cm": 30, "y_cm": 60, "radius_cm": 5, "mass_kg": 0.05, "friction": 0.1}
+HALL = {"width_cm": 120, "height_cm": 120, "obstacles": [COLUMN]}
+CROWD = {
+    "robots": LOOKING,
+    "arena": HALL,
+    "schedule": [{"at_s": 4, "remove": [3, 15]}, {"at_s": 8, "set": {"arena.height_cm": 130}}],
+}
+
+
+@pytest.mark.parametrize(
+    ("changed", "are_kept", "interpret", "room"),
+    [
+        ({}, True, False, 16),
+        ({}, True, True, 16),
+        ({}, False, False, 0),
+        ({"arena": HALL | {"movables": [DISC]}, "schedule": []}, True, False, 16),
+        ({"robots": [*LOOKING, {"count": 2, "signal": {"kind": "cone"}}]}, False, False, 16),
+        ({"faults": [{"kind": "camera_blind", "robots": [0, 12]}]}, False, False, 16),
+    ],
+)
+def test_stretches_have_the_sightings_of_their_steps_kept_by_cameras_or_not(
+    monkeypatch, changed, are_kept, interpret, room
+) -> None:
+    monkeypatch.setattr(loop, "MANY_SEEN", room)
+    scenario, total = load_scenario(CROWD | changed), 0
+    simulation, twin = (Simulation(scenario, 1, interpret=interpret) for _ in range(2))
+    while simulation.steps < 150:
+        stretch = simulation.stretch(20)
+        twins = [[step, *pair] for step in range(len(stretch.poses)) for pair in twin.advance(1).sightings.tolist()]
+        assert stretch.sightings.tolist() == twins
+        assert (stretch.kept is not None) == (are_kept and stretch.first > 0) or not twins
+        total += len(twins)
+        np.testing.assert_array_equal(simulation.last_step.camera, twin.last_step.camera)
+        for each in (simulation, twin):
+            each.advance(3)
+    assert total > 30

@@ -20,7 +20,7 @@ import pymunk
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.bodies.contacts import PUSHED_CM, SLOP_CM, add_reached, find_contact_candidates, move_others
 from epuck_sim.embodied.cells import sort_into_cells
-from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import GROUND, KEEP, SPACE, Swarm, open_block, swarm_at
 from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call_c, double_from_c, pointer_from_c, vector_from_c
@@ -60,7 +60,7 @@ FUNCTIONS: dict[str, tuple[str, Callable[..., Any]]] = {
 """Chipmunk's functions that compiled code calls, in the order of their addresses: the C type of each, and its
 equivalent in pymunk's public interface."""
 
-FIRST = HIDE + 1
+FIRST = KEEP + 1
 
 (_NEW_SPACE, _FREE_SPACE, _SET_SLOP, _SET_BIAS, _STEP, _ADD_BODY, _ADD_SHAPE) = range(FIRST, FIRST + 7)
 (_REMOVE_BODY, _REMOVE_SHAPE, _SPACE_OF, _SET_POSITION, _SET_ANGLE, _SET_VELOCITY) = range(FIRST + 7, FIRST + 13)

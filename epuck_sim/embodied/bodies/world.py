@@ -173,7 +173,7 @@ class World:
         bodies, way = self._bodies, self._way
         surfaces = (4 + arena.first_movable + len(arena.polygons) for arena in self._arenas)  # walls and obstacles
         room = max(surfaces) - len(bodies.surfaces)
-        head = [0, way.address(bodies.ground), 0, *way.function_addresses()]
+        head = [0, way.address(bodies.ground), 0, 0, *way.function_addresses()]
         return [*head, *map(way.address, bodies.listed), *[0] * room]
 
     def use(self, block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:

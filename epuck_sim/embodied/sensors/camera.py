@@ -24,11 +24,12 @@ import numpy as np
 from epuck_sim import elementary
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.sensors import sight
-from epuck_sim.embodied.swarm import Swarm, copy_array, swarm_at
+from epuck_sim.embodied.swarm import INT64, KEEP, Swarm, copy_array, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import CameraSection
 from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.native import array_at
 from epuck_sim.util.rng import uniform
 
 NEVER = -2  # control step in which a picture arrives, as long as a camera has taken none
@@ -83,24 +84,32 @@ class Picture(NamedTuple):
 
 @jit_no_alloc
 def look(block: ByteArray, addresses: IntArray, number: int) -> None:
-    """Write what the cameras of a group have in view."""
+    """Write what the cameras of a group have in view, and whose rings they see where `KEEP` says."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
     rows = swarm.pixels[group.in_view : group.in_view + group.count * group.pixels]
     for pixel in range(len(rows)):
         rows[pixel] = 0
     lit = sight.find_lit(swarm)
+    at = addresses[KEEP]
+    words = array_at(block, at, at + 16, INT64)
+    kept = array_at(block, at + 16, at + 16 + 8 * words[1], INT64)
+    for place in range(lit if at != 0 else 0):  # labels that tell the lit robots apart
+        swarm.numbers[len(swarm.robots) + swarm.numbers[place]] += swarm.numbers[place]
     for place in range(group.count):
         if swarm.scene[0].hides_flashes:
             lit = sight.find_visible(block, addresses, swarm, group.first + place)
-        if lit > 0:
-            row = rows[place * group.pixels : (place + 1) * group.pixels]
-            see(swarm, group, group.first + place, lit, row)
+        row = rows[place * group.pixels : (place + 1) * group.pixels]
+        is_red = lit > 0 and see(swarm, group, group.first + place, lit, row)
+        if is_red and at != 0:
+            words[0] = list_seen(swarm.scene[0].step, group.first + place, row, kept, words[0])
+            for pixel in range(group.pixels):
+                row[pixel] = min(row[pixel], 1)
 
 
 @jit_inline
-def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
-    """Write to `row`, zeros, the label of the robot that each pixel shows; needs cells and labels, see `find_lit`."""
+def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> bool:
+    """Write to `row`, zeros, the label of the robot each pixel shows, see `find_lit`; return whether any may show."""
     camera = group.camera
     eye = eye_of(swarm, robot, camera)
     robots = len(swarm.robots)
@@ -110,9 +119,25 @@ def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
         picture.depth[pixel] = camera.range_cm
     few_lit = lit * lit <= FEW_LIT * robots
     if few_lit and not see_lit(swarm, lit, camera, eye, picture):
-        return  # nothing red to see: most of the time, where robots are few
+        return False  # nothing red to see: most of the time, where robots are few
     see_sectors(swarm, camera, eye, picture)
     hide_behind_obstacles(swarm, camera, eye, picture)
+    return True
+
+
+@jit_inline
+def list_seen(step: int, robot: int, row: IntArray, found: IntArray, count: int) -> int:
+    """Add the robots that a row shows by numbers from 1, each once and from left to right, as `add_pair` does."""
+    last = 0
+    for pixel in range(len(row)):
+        if row[pixel] in (0, last):
+            continue
+        last, first = row[pixel], 0
+        while row[first] != last:
+            first += 1
+        if first == pixel:  # else it showed before, to the left of an obstacle
+            count = sight.add_pair(step, robot, last - 1, found, count)
+    return count
 
 
 @jit_inline

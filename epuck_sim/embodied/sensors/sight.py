@@ -208,3 +208,11 @@ def list_labelled(swarm: Swarm) -> int:
             swarm.numbers[found] = robot
             found += 1
     return found
+
+
+@jit_inline
+def add_pair(step: int, robot: int, other: int, found: IntArray, count: int) -> int:
+    """Write three words, behind those of `count` other pairs, if there is room; return the number of pairs so far."""
+    if 3 * count < len(found):
+        found[3 * count], found[3 * count + 1], found[3 * count + 2] = step, robot, other
+    return count + 1
