@@ -24,7 +24,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.errors import ClusterError
+from epuck_sim.errors import ClusterError, ExtraError
 from epuck_sim.runs.store import Outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
@@ -329,7 +329,7 @@ def test_where_no_scheduler_is_the_address_is_named_and_nothing_is_left_behind(a
 
 def test_without_distributed_the_extra_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    refusal = pytest.raises(ClusterError, match=r'pip install "epuck-sim\[cluster\]"')
+    refusal = pytest.raises(ExtraError, match=r'pip install "epuck-sim\[cluster\]"')
     with refusal, DaskCluster("tcp://127.0.0.1:9").open():
         pass
 
