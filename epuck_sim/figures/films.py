@@ -66,7 +66,7 @@ def draw_track(track: Track, snapshot: TrackedFrame | None = None) -> Figure:
     counts, detector = figure.add_subfigure(places[1, :]).subplots(2, 1, sharex=True)
     times = track.periods_at(track.times_s)
     _fill_counts(counts, times, track.counts, times[-1])
-    counts.set(ylabel="lit rings", ylim=(0, 1.1 * int(track.counts.max(initial=1))), xlim=(times[0], times[-1]))
+    counts.set(ylabel="lit rings", ylim=(0, 1.1 * _max_count(track)), xlim=(times[0], times[-1]))
     counts.yaxis.set_major_locator(MaxNLocator(4, integer=True))
     _mark_synchrony(counts, track)
     _draw_spreads(detector, track)
@@ -76,8 +76,7 @@ def draw_track(track: Track, snapshot: TrackedFrame | None = None) -> Figure:
 
 def _draw_snapshots(page: SubFigure, track: Track) -> None:
     """Draw histograms of moments, the present at the right; long lines mark a period, a short one its midpoint."""
-    grid, period_s = page.subplots(3, ACROSS, sharex=True, sharey=True), track.period_s
-    top = int(track.counts.max(initial=1))
+    grid, period_s, top = page.subplots(3, ACROSS, sharex=True, sharey=True), track.period_s, _max_count(track)
     letters = iter(ascii_lowercase)
     for panels, moments in zip(grid, choose_moments(track), strict=True):
         for panel, (now_s, evaluation) in zip(panels, moments, strict=False):
@@ -100,6 +99,10 @@ def _draw_snapshots(page: SubFigure, track: Track) -> None:
     grid[0, 0].yaxis.set_major_locator(MaxNLocator(4, integer=True))
     page.supxlabel("time from now (s)", fontsize="small")
     page.supylabel("lit rings", fontsize="small")
+
+
+def _max_count(track: Track) -> int:
+    return int(track.counts.max(initial=1))
 
 
 def _fill_counts(panel: Axes, times: FloatArray, counts: IntArray, end: float) -> None:

@@ -64,7 +64,8 @@ def save_figure(
     results give equal files. EpuckSimError is raised if a file cannot be written; then none is written, and older files
     stay.
     """
-    texts = {**(tables or {}), **({CAPTION: f"{storable(caption)}\n"} if caption else {})}
+    caption = storable(caption)
+    texts = {**(tables or {}), **({CAPTION: f"{caption}\n"} if caption else {})}
     endings = [*target.formats, *texts]
     files = check_files(target.stem, endings)
     figure = draw()
@@ -75,7 +76,7 @@ def save_figure(
                 part.write_text(texts[ending], encoding="utf-8")
             else:
                 key, date = METADATA[ending.lower()]
-                metadata = {**({date: None} if date else {}), **({key: storable(caption)} if caption else {})}
+                metadata = {**({date: None} if date else {}), **({key: caption} if caption else {})}
                 _render(figure, part, ending[1:].lower(), metadata)
     return files
 
