@@ -121,7 +121,7 @@ class SameVersionsExecutor(Executor):
 
     def submit(self, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]) -> Future[Any]:  # type: ignore[override]
         """Have a worker call a function with tasks; its future raises ClusterError if the worker refuses."""
-        used = {task.scenario.compiled: task.scenario for task in tasks}
+        used = {task.point.scenario.compiled: task.point.scenario for task in tasks}
         for names in used.keys() - self._files.keys():
             self._files[names] = own_files(used[names])
         files = {names: self._files[names] for names in used}
@@ -142,7 +142,7 @@ def call_if_same(
         wanted = {name: theirs.get(name, "none") for name in other}
         said = f"a worker on {host()} has {format_versions(other)}, this command has {format_versions(wanted)}"
         raise ClusterError(f"{said}; start workers with the same versions")
-    for scenario in {task.scenario.compiled: task.scenario for task in tasks}.values():
+    for scenario in {task.point.scenario.compiled: task.point.scenario for task in tasks}.values():
         try:
             found = own_files(scenario)
         except EpuckSimError as error:

@@ -106,7 +106,7 @@ def run_sweep(
                 if until is not None:
                     for point in (outcome.point for outcome in outcomes):
                         if added := until.end_trial(point):
-                            tasks = [_task(all_points[number], trial, interpret) for number, trial in added]
+                            tasks = [Task(all_points[number], trial, interpret) for number, trial in added]
                             queue.add(tasks, until.width(point))
                             trials += len(added)
                 progress = SweepProgress(
@@ -131,7 +131,7 @@ def missing_tasks(
     """
     missing = (zip(finished.missing(point.number, wanted[place]), repeat(place)) for place, point in enumerate(points))
     for turn, place in heapq.merge(*missing):
-        yield _task(points[place], wanted[place][turn], interpret)
+        yield Task(points[place], wanted[place][turn], interpret)
 
 
 def first_of_each_kind(
@@ -142,9 +142,5 @@ def first_of_each_kind(
     for point, trials in zip(points, wanted, strict=True):
         kind = point.scenario.compiled
         if kind not in kinds and (first := next(finished.missing(point.number, trials), None)) is not None:
-            kinds[kind] = _task(point, trials[first], interpret)
+            kinds[kind] = Task(point, trials[first], interpret)
     return list(kinds.values())
-
-
-def _task(point: Point, trial: int, interpret: bool) -> Task:
-    return Task(point.number, trial, point.key, point.scenario, interpret)

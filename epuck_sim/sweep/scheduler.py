@@ -192,9 +192,9 @@ class TaskQueue:
 
     def give_back(self, tasks: Sequence[Task]) -> list[Task]:
         """Queue tasks again that were lost with a worker; return those that are lost for the second time instead."""
-        again = [task for task in tasks if task[:2] in self._lost_once]
-        once = [task for task in tasks if task[:2] not in self._lost_once]
-        self._lost_once.update(task[:2] for task in once)
+        again = [task for task in tasks if task.place in self._lost_once]
+        once = [task for task in tasks if task.place not in self._lost_once]
+        self._lost_once.update(task.place for task in once)
         self._returned.extendleft(once)
         self._count += len(once)
         return again
@@ -301,9 +301,9 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
             suspects.appendleft(task)
             return
         except pool.deaths as death:
-            timeout_s = task.scenario.trial_timeout_s or math.inf
+            timeout_s = task.point.scenario.trial_timeout_s or math.inf
             is_late = time.monotonic() - began_s > timeout_s
-            alone = f"run it alone to see why, by --point {task.point} --trial {task.trial}"
+            alone = f"run it alone to see why, by --point {task.point.number} --trial {task.trial}"
             died = f"its worker died: {death}; {alone}, or give fewer --workers if memory has run out"
             yield [make_outcome(task, None, out_of_time(timeout_s) if is_late else died)]
             return

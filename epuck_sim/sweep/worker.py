@@ -23,12 +23,11 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.database import RESULT, as_stored
 from epuck_sim.runs.sources import own_files
 from epuck_sim.runs.store import Outcome
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.loader import Point
 from epuck_sim.trial.model import Simulated, run_trial, simulate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.messages import describe_error, storable
 from epuck_sim.util.provenance import host, versions
-from epuck_sim.util.seeds import point_seed
 
 LIMIT_VARIABLE = "EPUCK_SIM_STEP_LIMIT_S"  # environment variable that replaces `STEP_LIMIT_S`
 
@@ -60,41 +59,39 @@ _kept: dict[Key, Simulated] = {}  # simulations whose trials have ended, the mos
 class Task(NamedTuple):
     """A trial to be run."""
 
-    point: int  # number of the point in the sweep
+    point: Point
     trial: int
-    key: str  # the point's axis values as text
-    scenario: Scenario
     interpret: bool  # whether controllers run as plain Python
 
     @property
-    def seed(self) -> int:
-        """Seed of the trial, which its worker derives."""
-        return point_seed(self.scenario.seed, self.key, self.trial)
+    def place(self) -> tuple[int, int]:
+        """Numbers of point and trial."""
+        return self.point.number, self.trial
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the scenario once a point, as this takes longer than all other work for a task."""
-        return _unpacked_task, (*self[:3], _packed(self.scenario), self.interpret)
+        """Pickle each point once, as this takes longer than all other work for a task."""
+        return _unpacked_task, (_packed(self.point), self.trial, self.interpret)
 
 
-MOST_PACKED = 1000  # most scenarios whose bytes are kept
+MOST_PACKED = 1000  # most points whose bytes are kept
 
-_pickled: dict[int, tuple[Scenario, bytes]] = {}
-"""Scenarios and their bytes, by the scenario's `id`, which no other object has as long as it is kept here."""
+_pickled: dict[int, tuple[Point, bytes]] = {}
+"""Points and their bytes, by the point's `id`, which no other object has as long as it is kept here."""
 
 
-def _packed(scenario: Scenario) -> bytes:
-    if id(scenario) not in _pickled:
+def _packed(point: Point) -> bytes:
+    if id(point) not in _pickled:
         if len(_pickled) >= MOST_PACKED:
             _pickled.clear()
-        _pickled[id(scenario)] = scenario, pickle.dumps(scenario)
-    return _pickled[id(scenario)][1]
+        _pickled[id(point)] = point, pickle.dumps(point)
+    return _pickled[id(point)][1]
 
 
-_unpacked: Callable[[bytes], Scenario] = lru_cache(MOST_PACKED)(pickle.loads)
+_unpacked: Callable[[bytes], Point] = lru_cache(MOST_PACKED)(pickle.loads)
 
 
-def _unpacked_task(point: int, trial: int, key: str, packed: bytes, interpret: bool) -> Task:
-    return Task(point, trial, key, _unpacked(packed), interpret)
+def _unpacked_task(packed: bytes, trial: int, interpret: bool) -> Task:
+    return Task(_unpacked(packed), trial, interpret)
 
 
 class TrialTimeoutError(EpuckSimError):
@@ -106,28 +103,30 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
     with Watchdog() as dog:
         for task in tasks:
             with suppress(BaseException):  # running the trial will show it
-                dog.begin(task.scenario.name)
-                simulate(task.scenario, task.seed, interpret=task.interpret)
+                scenario, seed = task.point.scenario, task.point.seed(task.trial)
+                dog.begin(scenario.name)
+                simulate(scenario, seed, interpret=task.interpret)
 
 
 def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
     """Run the trials in order; an error in one of them becomes its outcome."""
     keys: dict[tuple[int, bool], Key] = {}
-    names = [f"{task.scenario.name}: seed {task.seed}" for task in tasks]  # at once, seeds take a third of the time
-    with Watchdog(tasks[0].scenario.trial_timeout_s) as dog:
-        return [_run_task(task, name, keys, dog) for task, name in zip(tasks, names, strict=True)]
+    seeds = [task.point.seed(task.trial) for task in tasks]  # at once, they take a third of the time
+    with Watchdog(tasks[0].point.scenario.trial_timeout_s) as dog:
+        return [_run_task(task, seed, keys, dog) for task, seed in zip(tasks, seeds, strict=True)]
 
 
-def _run_task(task: Task, name: str, keys: dict[tuple[int, bool], Key], dog: "Watchdog") -> Outcome:
-    dog.begin(name)
+def _run_task(task: Task, seed: int, keys: dict[tuple[int, bool], Key], dog: "Watchdog") -> Outcome:
+    scenario = task.point.scenario
+    dog.begin(f"{scenario.name}: seed {seed}")
     try:
-        simulation, key = _simulation_of(task, keys)
+        simulation, key = _simulation_of(task, seed, keys)
         dog.watch_steps(_at_work(simulation))
-        is_limited = task.scenario.trial_timeout_s is not None
+        is_limited = scenario.trial_timeout_s is not None
         result, error = run_trial(simulation, progress=dog.check_time if is_limited else None), None
         if key is not None:
             _kept[key] = simulation
-            if len(_kept) > min(KEPT, KEPT_BYTES // max(1, task.scenario.memory_bytes)):
+            if len(_kept) > min(KEPT, KEPT_BYTES // max(1, scenario.memory_bytes)):
                 del _kept[next(iter(_kept))]
     except EpuckSimError as problem:
         result, error = None, storable(str(problem))
@@ -136,19 +135,19 @@ def _run_task(task: Task, name: str, keys: dict[tuple[int, bool], Key], dog: "Wa
     return make_outcome(task, result, error)
 
 
-def _simulation_of(task: Task, keys: dict[tuple[int, bool], Key]) -> tuple[Any, Key | None]:
+def _simulation_of(task: Task, seed: int, keys: dict[tuple[int, bool], Key]) -> tuple[Any, Key | None]:
     """Return the simulation of a trial, new or that of an earlier trial of its point after a reset, and its key.
 
     The simulation may be kept under the key, or must not be kept if that is None; `keys` caches those of a chunk.
     """
-    scenario, own = task.scenario, (id(task.scenario), task.interpret)  # tasks of a point share its scenario
+    scenario, own = task.point.scenario, (id(task.point), task.interpret)  # a point's tasks share it
     if own not in keys:
         keys[own] = type(scenario), scenario.model_dump_json(), own_files(scenario), task.interpret
     simulation: Any = _kept.pop(keys[own], None)  # not kept if the trial fails
     if simulation is not None:
-        simulation.reset(task.seed)
+        simulation.reset(seed)
         return simulation, keys[own]
-    simulation = simulate(scenario, task.seed, interpret=task.interpret)
+    simulation = simulate(scenario, seed, interpret=task.interpret)
     # other models may have no reset, and agents that start like robots have another scenario for each seed
     return simulation, keys[own] if hasattr(simulation, "reset") and simulation.scenario == scenario else None
 
@@ -184,7 +183,7 @@ def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> O
     values = [as_stored(getattr(result, name, None), kind) for name, kind in RESULT.items()]
     measured = json.dumps(result.measures) if result and result.measures else None
     events = json.dumps([event._asdict() for event in result.events]) if result and result.events else None
-    return Outcome._make((*task[:2], task.seed, *values, error, measured, events, _provenance()))
+    return Outcome._make((*task.place, task.point.seed(task.trial), *values, error, measured, events, _provenance()))
 
 
 @lru_cache

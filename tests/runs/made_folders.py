@@ -104,10 +104,10 @@ def of_point(point: Point, trials: Trials) -> PointTrials:
 
 def outcome(point: Point, trial: int, error: str | None = None, **changes) -> Outcome:
     """Return how a trial might have ended: failed, or with a result in which some fields are as `changes` says."""
-    number, task = 1000 * point.number + trial, Task(point.number, trial, point.key, point.scenario, False)
+    number, task = 1000 * point.number + trial, Task(point, trial, False)
     ends = {"t_sync_cycles": number, "censored": False, "cycles": number, "order_parameter": 0.96 + number / 1e6}
     lasts = {"steps": 50 * number, "simulated_s": 5.0 * number, "wall_s": 0.001 * number}
-    result = TrialResult(scenario=point.scenario.name, seed=task.seed, **ends, **lasts)._replace(**changes)
+    result = TrialResult(scenario=point.scenario.name, seed=point.seed(trial), **ends, **lasts)._replace(**changes)
     return make_outcome(task, None if error else result, error)
 
 

@@ -68,13 +68,13 @@ def test_more_workers_give_the_same_table_leave_nothing_to_do_and_wrong_calls_ma
 def test_trial_0_of_all_points_comes_first_and_one_of_each_set_of_controllers_is_compiled_ahead(tmp_path) -> None:
     places = points(load_scenario(short_sweep(tmp_path, 3)))
     tasks = [*missing_tasks(places, [range(3)] * POINTS, FinishedTrials([(2, [0]), (0, [2])]), interpret=False)]
-    assert [(task.trial, task.point) for task in tasks] == sorted((task.trial, task.point) for task in tasks)
+    assert [task.place[::-1] for task in tasks] == sorted(task.place[::-1] for task in tasks)
     assert len(tasks) == POINTS * 3 - 2
     axes = ["robots.0.controller=firefly,oscillator,constant", "robots.0.count=2,3"]
     found = points(load_scenario({"trials": 2}, axes=axes))
     done = [*((number, [0, 1]) for number in (0, 1, 2)), (4, [0])]
     ahead = first_of_each_kind(found, [range(2)] * len(found), FinishedTrials(done), interpret=False)
-    assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
+    assert [task.place for task in ahead] == [(3, 0), (4, 1)]
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import ClusterError, ExtraError
 from epuck_sim.runs.store import Outcome
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.loader import Point, load_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep import cluster, worker
 from epuck_sim.sweep.cluster import DaskCluster, SameVersionsExecutor, SchedulerGoneError
@@ -45,7 +45,7 @@ SCENARIO = load_scenario("pair")
 
 
 def task(trial: int) -> Task:
-    return Task(0, trial, "", SCENARIO, False)
+    return Task(Point(0, "", {}, SCENARIO), trial, False)
 
 
 def queue(count: int) -> TaskQueue:
@@ -64,11 +64,12 @@ def test_tasks_are_the_same_on_the_other_side_and_their_scenario_is_pickled_once
     monkeypatch.setattr(Scenario, "__reduce_ex__", lambda self, version: (
         pickled.append(self.name), object.__reduce_ex__(self, version))[1])  # fmt: skip
     scenarios = [SCENARIO.model_copy(update={"name": str(number)}) for number in range(3)]
+    found = [Point(number, str(number), {}, scenario) for number, scenario in enumerate(scenarios)]
     for order in ([0, 1, 0, 1, 0], [2, 2], [0]):  # the third makes room for itself, and is the only one that is kept
-        sent = [Task(number, 3, str(number), scenarios[number], True) for number in order]
+        sent = [Task(found[number], 3, True) for number in order]
         arrived = pickle.loads(pickle.dumps(sent))
         assert arrived == sent
-        assert len({id(each.scenario) for each in arrived}) == len(set(order))
+        assert len({id(each.point) for each in arrived}) == len(set(order))
     assert pickled == ["0", "1", "2", "0"]
 
 
@@ -367,7 +368,7 @@ def test_a_worker_with_another_version_or_controller_is_refused_and_a_closed_cli
     path = tmp_path / "own.py"
     path.write_text(EMPTY)
     scenario = load_scenario({"robots": [{"controller": str(path)}]})
-    given = [Task(0, 0, "", scenario, False)]
+    given = [Task(Point(0, "", {}, scenario), 0, False)]
     assert executor.submit(answer, given).result() == "done"
     path.write_text(path.read_text().replace("pass", "actuators.ring_on = True"))
     with pytest.raises(ClusterError, match=r"has own\.py with digest \w{12}, this command own\.py with digest \w{12}"):

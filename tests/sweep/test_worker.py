@@ -48,7 +48,7 @@ SCENARIOS = {
 
 def tasks_of(given, trials: int = 4) -> list[Task]:
     found = points(load_scenario(given))
-    return [Task(p.number, trial, p.key, p.scenario, False) for trial, p in product(range(trials), found)]
+    return [Task(p, trial, False) for trial, p in product(range(trials), found)]
 
 
 def outcomes(tasks: list[Task]):
@@ -59,14 +59,15 @@ def outcomes(tasks: list[Task]):
 def test_trials_of_a_chunk_are_those_of_new_simulations(name: str, monkeypatch) -> None:
     monkeypatch.setattr(worker, "_kept", {})
     tasks = tasks_of(SCENARIOS[name])
-    results = [run_trial(simulate(each.scenario, each.seed))._replace(wall_s=0.0) for each in tasks]
+    simulations = (simulate(each.point.scenario, each.point.seed(each.trial)) for each in tasks)
+    results = [run_trial(each)._replace(wall_s=0.0) for each in simulations]
     new = [*map(make_outcome, tasks, results, repeat(None))]
     made = []
     monkeypatch.setattr(worker, "simulate", lambda *given, **more: made.append(given) or simulate(*given, **more))
     assert outcomes(tasks) == outcomes(tasks[::-1])[::-1] == new
     plain = {type(None), int, float, str}
     assert {type(value) for each in new for value in (*each[:-1], *each.provenance)} <= plain  # ready to be stored
-    points_made = len({each.point for each in tasks})
+    points_made = len({each.point.number for each in tasks})
     assert len(made) == (2 * len(tasks) if "like" in name else points_made)
 
 
@@ -78,7 +79,7 @@ def test_an_edited_controller_is_set_up_anew_and_neither_failures_nor_too_many_a
     assert all(each.error is None for each in run_chunk(tasks))
     kept = [*worker._kept]
     write_soon_after(path, with_step("1 / 0"))
-    assert all("ZeroDivisionError" in str(each.error) for each in run_chunk(tasks_of(tasks[0].scenario, 2)))
+    assert all("ZeroDivisionError" in str(each.error) for each in run_chunk(tasks_of(tasks[0].point.scenario, 2)))
     assert [*worker._kept] == kept
     monkeypatch.setattr(worker, "KEPT", 1)
     monkeypatch.setattr(worker, "_kept", {})
