@@ -47,7 +47,7 @@ def main() -> None:
 
 def draw(scenario: EmbodiedScenario, steps: list[tuple[Any, ...]]) -> Iterator[Image.Image]:
     """Yield a picture of each frame: robots are lit if they were in any of its steps, as with an open shutter."""
-    robots, side_cm, threshold = scenario.robot_count, scenario.arena.width_cm, scenario.stop.order_parameter or 1
+    robots, side_cm, threshold = scenario.population, scenario.arena.width_cm, scenario.stop.order_parameter or 1
     figure = Figure(figsize=(8.6, 3.6), dpi=100, facecolor=NIGHT)
     canvas: Any = FigureCanvasAgg(figure)
     limits: dict[str, Any] = {"facecolor": FLOOR, "xticks": (), "yticks": (), "xlim": (0, steps[-1][0])}

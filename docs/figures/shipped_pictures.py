@@ -67,19 +67,19 @@ def draw_trial(name: str, scenario: EmbodiedScenario) -> None:
     """Draw where the robots of a scenario drive, and when they flash."""
     simulation = Simulation(scenario, seed=1)
     count = round(SECONDS / simulation.step_s)
-    poses, lit = np.empty((count, scenario.robot_count, 3)), np.empty((count, scenario.robot_count), dtype=bool)
+    poses, lit = np.empty((count, scenario.population, 3)), np.empty((count, scenario.population), dtype=bool)
     for number in range(count):
         step = next(simulation)
         poses[number], lit[number] = step.poses, step.ring_on
     figure = Figure(figsize=(7, 2.8), layout="constrained")
     places, raster = figure.subplots(1, 2, width_ratios=(1, 1.7))
     draw_floor(places, scenario.arena.build())
-    for robot in range(scenario.robot_count):
+    for robot in range(scenario.population):
         path = places.plot(*poses[:, robot, :2].T, linewidth=0.7)[0]
         places.plot(*poses[-1, robot, :2], "o", color=path.get_color(), markersize=5)
         times = np.flatnonzero(lit[:, robot]) * simulation.step_s
         raster.plot(times, np.full(len(times), robot), "|", color="#dc2828", markersize=6)
-    raster.set(xlim=(0, SECONDS), ylim=(-0.7, scenario.robot_count - 0.3), xlabel="time [s]", ylabel="robot")
+    raster.set(xlim=(0, SECONDS), ylim=(-0.7, scenario.population - 0.3), xlabel="time [s]", ylabel="robot")
     raster.set_title("ring lit", fontsize="medium")
     save(figure, name)
 

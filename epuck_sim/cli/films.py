@@ -344,7 +344,7 @@ def compare_film(
             f"the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
             f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they should be the same, check --arena-cm or SCENARIO"
         )
-    shown, count = track.options.robots or track.robots_seen, loaded.robot_count
+    shown, count = track.options.robots or track.robots_seen, loaded.population
     if shown > count or track.options.robots not in (None, count):
         doubts.append(f"the film shows {shown} robots, {loaded.name} has {count}")
     print_doubts(doubts)

@@ -26,8 +26,8 @@ class Memory(Series):
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
-        if not -1 <= parameters.robot < scenario.robot_count:
-            raise ValueError(f"robot is {parameters.robot}; allowed: 0 to {scenario.robot_count - 1}, or -1 for all")
+        if not -1 <= parameters.robot < scenario.population:
+            raise ValueError(f"robot is {parameters.robot}; allowed: 0 to {scenario.population - 1}, or -1 for all")
         check_field(scenario, parameters.name, None if parameters.robot < 0 else parameters.robot)
 
     def cycle(self, step: Any, _: Any) -> None:

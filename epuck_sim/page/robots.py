@@ -52,7 +52,7 @@ def check_robots(scenario: EmbodiedScenario) -> None:
     commanded = f"is {''.join(unfit[:1])}; pages run controllers in Python, without commands from outside"
     refuse(
         scenario,
-        (scenario.robot_count > MOST_ROBOTS, "robots", f"are {scenario.robot_count}; a page shows up to {MOST_ROBOTS}"),
+        (scenario.population > MOST_ROBOTS, "robots", f"are {scenario.population}; a page shows up to {MOST_ROBOTS}"),
         (not all(group.count for group in scenario.robots), "robots.count", "is 0; pages have robots in all groups"),
         (unfit, "robots.controller", commanded),
         (scenario.arena.movables, "arena.movables", "pages have nothing that can be pushed"),
@@ -157,7 +157,7 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
     """Return the start of trials with `count` robots in the first group: a block, and the functions that it calls."""
     changes: dict[str, Any] = {"robots.0.count": count}
     if _has_free_sides(scenario):
-        robots, least_cm = count + scenario.robot_count - scenario.robots[0].count, cell_cm(scenario.group_kinds)
+        robots, least_cm = count + scenario.population - scenario.robots[0].count, cell_cm(scenario.group_kinds)
         side_cm = max(_sides(scenario), key=lambda side: (math.prod(count_cells(side, side, robots, least_cm)), side))
         changes |= {"arena.width_cm": side_cm, "arena.height_cm": side_cm}
     block, functions = Simulation(with_values(scenario, changes, scenario.name), seed=0, interpret=True).beginning()

@@ -80,7 +80,7 @@ def population_of(scenario: Scenario) -> Population:
     return Population(
         noun="robot",
         moment="step",
-        size=scenario.robot_count,
+        size=scenario.population,
         radii_cm=np.array([kind.radius_cm for kind in scenario.robot_kinds]),
         arena=scenario.arena.build(),
         largest_cm=largest_cm(scenario),
@@ -133,9 +133,9 @@ class RobotBuffer:
         self._step_ns = scenario.timing.step_ms * 1_000_000
         self._next_step = 0
         self._cycles = 0  # of the reference
-        self._ring_before = np.zeros((1, scenario.robot_count), np.bool_)
-        self._phase_before = np.full((1, scenario.robot_count), np.nan)
-        self._flashes = np.zeros(scenario.robot_count, np.int64)  # of each robot, before the first row
+        self._ring_before = np.zeros((1, scenario.population), np.bool_)
+        self._phase_before = np.full((1, scenario.population), np.nan)
+        self._flashes = np.zeros(scenario.population, np.int64)  # of each robot, before the first row
         self.row_count = 0
 
     def append(self, step: Step, watch: SynchronyWatch) -> None:

@@ -171,14 +171,14 @@ class EmbodiedScenario(Scenario):
     overhead: OverheadSection = OverheadSection.model_construct()
 
     def _check_together(self) -> None:
-        if not self.robot_count:
+        if not self.population:
             raise ValueError("robots: has no robot; allowed: at least one in all groups, such as [{count: 10}]")
         reference = self.stop.reference_robot
-        check_range("stop.reference_robot", reference, 0, self.robot_count - 1)
+        check_range("stop.reference_robot", reference, 0, self.population - 1)
         for number, group in enumerate(self.robots):
             key, control_hz = f"robots.{number}.camera.frames_per_s", self.timing.control_hz
             check_range(key, group.camera.frames_per_s, 0.1, control_hz, " (timing.control_hz)")
-        check_changes(self.faults, self.schedule, "robot", self.robot_count)
+        check_changes(self.faults, self.schedule, "robot", self.population)
         self._check_faults()
         self._check_schedule()
         if not self.present[reference]:
@@ -186,8 +186,8 @@ class EmbodiedScenario(Scenario):
             raise ValueError(f"{said}; allowed: a robot of a group with present: true, as its firings are counted")
         check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
         tags = self.overhead.tags
-        if tags is not None and self.robot_count > int(tags.partition("_")[2]):
-            raise ValueError(f"overhead.tags is {tags!r}, which has too few tags for {self.robot_count} robots")
+        if tags is not None and self.population > int(tags.partition("_")[2]):
+            raise ValueError(f"overhead.tags is {tags!r}, which has too few tags for {self.population} robots")
 
     def _check_faults(self) -> None:
         for number, fault in enumerate(self.faults):
@@ -212,11 +212,6 @@ class EmbodiedScenario(Scenario):
             if reference in entry.remove:
                 said = f"{reference} is the reference, whose firings are counted, and must stay"
                 raise ValueError(f"{origin}.remove: {said}; remove others, or give another stop.reference_robot")
-
-    @property
-    def robot_count(self) -> int:
-        """Robots in all groups."""
-        return sum(group.count for group in self.robots)
 
     @property
     def group_kinds(self) -> tuple[RobotKind, ...]:
@@ -246,14 +241,14 @@ class EmbodiedScenario(Scenario):
     @property
     def population(self) -> int:
         """Robots in all groups."""
-        return self.robot_count
+        return sum(group.count for group in self.robots)
 
     @property
     def memory_bytes(self) -> int:
         """Estimate of the memory that a trial takes, besides that of the program."""
-        shown = self.robot_count * self.camera_pixels
+        shown = self.population * self.camera_pixels
         own = sum(group.count * group.pixels * (group.pictures - 1) for group in self.robots)
-        return ROBOT_BYTES * self.robot_count + GROUP_BYTES * len(self.robots) + PIXEL_BYTES * (shown + own)
+        return ROBOT_BYTES * self.population + GROUP_BYTES * len(self.robots) + PIXEL_BYTES * (shown + own)
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -299,7 +294,7 @@ class EmbodiedScenario(Scenario):
         return {
             "epsilon": float(oscillator.get("coupling", math.nan)),
             "L": math.sqrt(self.arena.width_cm * self.arena.height_cm),
-            "N": float(self.robot_count),
+            "N": float(self.population),
             "tau": float(oscillator.get("period_s", math.nan)),
         }
 

@@ -360,7 +360,7 @@ def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -
     robots = robots_like(like, origin)
     width_cm, height_cm = robots.arena.width_cm, robots.arena.height_cm
     checks = {
-        "agents.count": (scenario.agents.count, robots.robot_count),
+        "agents.count": (scenario.agents.count, robots.population),
         "space.dimensions": (scenario.space.dimensions, 2),
         "space.side_cm": (scenario.space.side_cm, width_cm if width_cm == height_cm else (width_cm, height_cm)),
     }

@@ -83,17 +83,17 @@ def _has_room(scenario: EmbodiedScenario) -> bool:
             for number, place in enumerate(places)
         )
     sides_cm = np.array([scenario.arena.width_cm, scenario.arena.height_cm]) - 2 * radius_cm
-    taken = scenario.robot_count * math.pi * (2 * radius_cm) ** 2
+    taken = scenario.population * math.pi * (2 * radius_cm) ** 2
     taken += math.pi * sum((circle[2] + radius_cm) ** 2 for circle in arena.circles)
     taken += sum(float(np.prod(np.ptp(corners, axis=0) + 2 * radius_cm)) for corners in arena.polygons)
     placements, is_bare = {group.placement for group in scenario.robots}, not len(arena.circles) + len(arena.polygons)
     if placements == {"grid"}:
         points = np.maximum((sides_cm + 2 * radius_cm) // GRID_SPACING_CM - 1, 1)
-        return is_bare and bool(scenario.robot_count <= np.prod(points))
+        return is_bare and bool(scenario.population <= np.prod(points))
     if placements != {"random"} or (sides_cm <= 0).any():
         return False
     is_free = taken <= 0.95 * float(np.prod(sides_cm))
-    return is_free or (is_bare and _is_placed(scenario.robot_count, 2 * radius_cm, sides_cm))
+    return is_free or (is_bare and _is_placed(scenario.population, 2 * radius_cm, sides_cm))
 
 
 def _is_placed(robots: int, diameter_cm: float, sides_cm: FloatArray) -> bool:

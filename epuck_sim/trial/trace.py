@@ -63,7 +63,7 @@ class Trace:
             raise EpuckSimError(f"{path}: a trace's name must end in .parquet, its format")
         check_target(path)
         self._path, self.trial_seed, self.trial_scenario = path.resolve(), seed_of_trial(scenario, seed), scenario
-        self._robots = scenario.robot_count
+        self._robots = scenario.population
         check_fields(scenario, memory)
         self._fields = {name: name for name in reading_fields(scenario)} | {f"memory.{name}": name for name in memory}
         self._steps: list[dict[str, npt.NDArray[Any]]] = []

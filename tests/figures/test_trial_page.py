@@ -180,7 +180,7 @@ def test_robots_are_where_they_were_when_most_rings_were_lit_for_the_last_time(t
     trial, arena = trials[name], pages[name][0]
     lit, bodies = trial.ring_on.sum(axis=1).tolist(), robots(arena)
     moment = max(range(len(lit)), key=lambda step: (lit[step], step))
-    assert len(bodies) == trial.scenario.robot_count
+    assert len(bodies) == trial.scenario.population
     np.testing.assert_array_equal([body.center for body in bodies], trial.positions[moment])
     assert [to_hex(body.get_facecolor()) == RED for body in bodies] == trial.ring_on[moment].tolist()
     assert [text.get_text() for text in arena.texts] == [str(robot) for robot in range(len(bodies))]
@@ -238,8 +238,8 @@ CROWD = {"arena": {"width_cm": 400, "height_cm": 200}, "robots": [{"count": 60}]
 def test_any_trial_can_be_drawn_undistorted(tmp_path, scenario: Any) -> None:
     trial = recorded(tmp_path / "t.rrd", scenario)
     arena, *_ = laid_out(draw_page(trial)).axes
-    assert len(robots(arena)) == trial.scenario.robot_count
-    assert bool(arena.texts) == (trial.scenario.robot_count < MOST_NUMBERED)
+    assert len(robots(arena)) == trial.scenario.population
+    assert bool(arena.texts) == (trial.scenario.population < MOST_NUMBERED)
     (left, right), (bottom, top), box = arena.get_xlim(), arena.get_ylim(), arena.get_window_extent()
     assert left <= 0 < trial.scenario.arena.width_cm <= right
     assert box.width / (right - left) == pytest.approx(box.height / (top - bottom), rel=0.01)

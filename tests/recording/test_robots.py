@@ -87,7 +87,7 @@ def trial(request, tmp_path_factory) -> SimpleNamespace:
         for name, value in window.items():
             patch.setattr(recorder, name, value)
         result = recorded(path, scenario, 2**64 + 5, Level.FULL, beside)
-        of_time, of_rows = recorder.BUFFER_S * scenario.timing.control_hz, recorder.BUFFER_ROWS // scenario.robot_count
+        of_time, of_rows = recorder.BUFFER_S * scenario.timing.control_hz, recorder.BUFFER_ROWS // scenario.population
     results = result._replace(wall_s=0), run_trial(Simulation(scenario, 2**64 + 5), [alone])._replace(wall_s=0)
     made = {"window": max(1, min(of_time, of_rows)), "found": Found(path), "read": read_recording(path)}
     return SimpleNamespace(scenario=scenario, beside=beside, watched=alone, results=results, **made)

@@ -193,16 +193,16 @@ def test_every_value_is_that_of_the_simulation(tmp_path, monkeypatch, arena: str
     metadata = table.schema.metadata
     assert load_scenario(parse_yaml(metadata[b"scenario"].decode(), "metadata")) == scenario
     assert (metadata[b"seed"], json.loads(metadata[b"versions"])) == (b"0", versions())
-    groups = math.ceil(result.steps / max(1, 35 // scenario.robot_count))
+    groups = math.ceil(result.steps / max(1, 35 // scenario.population))
     assert pq.ParquetFile(tmp_path / "t.parquet").num_row_groups == groups
     assert table.column_names == COLUMNS
-    assert table.num_rows == result.steps * scenario.robot_count
+    assert table.num_rows == result.steps * scenario.population
     numbers = np.column_stack([table[name].to_numpy().astype(float) for name in COLUMNS[:-1]])
     camera = np.array(table["camera"].to_pylist())
     simulation = Simulation(scenario, 0)
     for number, step in zip(range(result.steps), simulation, strict=False):
-        rows = slice(number * scenario.robot_count, (number + 1) * scenario.robot_count)
-        moment = np.full(scenario.robot_count, number / 10), np.arange(scenario.robot_count)
+        rows = slice(number * scenario.population, (number + 1) * scenario.population)
+        moment = np.full(scenario.population, number / 10), np.arange(scenario.population)
         seen = step.ring_on, step.phase_ms, step.flash_seen, step.distance_mm, step.infrared
         expected = np.column_stack([*moment, step.poses, step.wheels_cm_s, *seen])
         np.testing.assert_array_equal(numbers[rows], expected)

@@ -29,7 +29,7 @@ def faulty_block(faults, robots, seed):
     size = {"width_cm": 500, "height_cm": 500}
     scenario = load_scenario({"faults": faults, "robots": [{"count": robots}], "arena": size})
     lengths = {"robots": robots, "faults": len(faults), "affected": len(faults) * robots, "numbers": 2 * robots}
-    block = make_block({**lengths, "log": robot_faults.LOGGED_STEPS * len(scenario.faults) * scenario.robot_count})
+    block = make_block({**lengths, "log": robot_faults.LOGGED_STEPS * len(scenario.faults) * scenario.population})
     swarm = open_block(block)
     swarm.scene[0].step_ms = STEP_MS
     set_faults(swarm.faults, scenario.faults)
