@@ -30,10 +30,10 @@ from epuck_sim.cli.listing import list_names
 from epuck_sim.figures import report
 from epuck_sim.measures.measure import SHIPPED
 from epuck_sim.recording import viewer
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.statistics.comparison import Samples, compare
 from epuck_sim.testing import TestRobot
 from epuck_sim.trial.model import run_trial, simulate
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.browsers import Driven
 from tests.cli.commands import call
 from tests.figures.drawn import note_figures

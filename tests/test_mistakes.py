@@ -25,7 +25,7 @@ import pytest
 import yaml
 
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.scenario import yaml_io
+from epuck_sim.util import yaml_io
 from tests.cli.commands import call, called, contents
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, WIDTH, Law, edit, ended, store, store_measured, sweep, weibull
 from tests.tools import needs_compiler

@@ -16,9 +16,9 @@ from epuck_sim import Scenario, load_scenario, points, read_points, run_sweep
 from epuck_sim.runs.database import measures_in, reading
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.changes import TrialEvent
-from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.sweep.worker import Task, make_outcome
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.util.yaml_io import read_yaml
 
 SWEEPS = Path(__file__).with_name("sweeps.yaml")
 TABLES = "figures"  # in docs/trials

@@ -54,7 +54,7 @@ def parse_board(text: str) -> tuple[int, int]:
 
 def parse_tags(text: str) -> dict[str, Any]:
     """Return the dictionary of tags, and the numbers in use, if given; raises FilmError for anything else."""
-    from epuck_sim.scenario.overhead import TagDictionary
+    from epuck_sim.scenario.arena import TagDictionary
 
     match = re.fullmatch(r"([4-7]X[4-7]_[0-9]+)(?::([0-9]+(?:-[0-9]+)?(?:,[0-9]+(?:-[0-9]+)?)*))?", text)
     names = get_args(TagDictionary)

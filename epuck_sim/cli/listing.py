@@ -21,10 +21,10 @@ from epuck_sim.scenario.loader import SCENARIO, SCENARIO_TYPES
 from epuck_sim.scenario.particles import CURVE
 from epuck_sim.scenario.robot_kind import ROBOT
 from epuck_sim.scenario.scenario import ONE_MEASURE, MeasureSection
-from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.user_files import OWN_PACKAGE, Kind, Place
 from epuck_sim.util.builtin import SWEEPS, builtin_files
 from epuck_sim.util.messages import describe_error, natural_order, nearest_name
+from epuck_sim.util.yaml_io import read_yaml
 
 
 def list_names() -> dict[str, dict[str, str]]:

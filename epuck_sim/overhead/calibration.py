@@ -36,8 +36,8 @@ from epuck_sim.overhead.camera import (
 from epuck_sim.overhead.floor import check_corners, find_corners
 from epuck_sim.overhead.rings import LEAST_LIGHT, Background, RingFinder, is_lit, ring_light
 from epuck_sim.overhead.synchrony import spread_threshold_s
+from epuck_sim.scenario.arena import OverheadSection
 from epuck_sim.scenario.base import Positive, WholeNumber
-from epuck_sim.scenario.overhead import OverheadSection
 
 DESCRIPTION = "the film's description"
 LIGHT = "the floor's corners in the lit beginning"

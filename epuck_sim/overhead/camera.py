@@ -20,8 +20,8 @@ from pydantic import BaseModel, Field
 
 from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
+from epuck_sim.scenario.arena import OverheadSection
 from epuck_sim.scenario.base import Positive, WholeNumber
-from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.util.atomic_write import atomic_write
 
 Picture = npt.NDArray[np.uint8]  # (height_px, width_px, 3) red, green, blue; row 0 is the upper edge

@@ -21,10 +21,10 @@ from epuck_sim.overhead.render import NO_MOVABLES, ExposureSample, Renderer
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import GREY, LIT, NIGHT, WHITE, Level
 from epuck_sim.recording.rows import AgentBuffer, population_of
+from epuck_sim.scenario.arena import OverheadSection
 from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
 from epuck_sim.scenario.loader import load_of_model, validate
-from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.scenario.scenario import Scenario, ScenarioLike, require_model, seed_of_trial

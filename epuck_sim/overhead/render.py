@@ -24,9 +24,9 @@ from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
 from epuck_sim.overhead.tags import tag_dictionary, tag_modules
+from epuck_sim.scenario.arena import OverheadSection
 from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
 from epuck_sim.scenario.loader import load_of_model, with_values
-from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.scenario.scenario import ScenarioLike
 from epuck_sim.util.jit import jit

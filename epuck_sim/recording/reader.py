@@ -31,8 +31,8 @@ from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after, arena_ent
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import format_versions
+from epuck_sim.util.yaml_io import parse_yaml
 
 
 class Links(NamedTuple):

@@ -12,9 +12,9 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, problems_in
-from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.messages import comma_list, did_you_mean
+from epuck_sim.util.yaml_io import read_yaml
 
 CLAIMS = Kind(
     noun="claim",

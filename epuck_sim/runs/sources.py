@@ -22,9 +22,9 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO, SCENARIO, robots_like
 from epuck_sim.scenario.particles import ParticleScenario, find_curve
 from epuck_sim.scenario.scenario import MeasureSection, Scenario
-from epuck_sim.scenario.yaml_io import parse_yaml, write_yaml
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import CONTROLLERS, builtin_folder
+from epuck_sim.util.yaml_io import parse_yaml, write_yaml
 
 SOURCES = "sources"
 """Name of the folder for users' files in a run folder; sources-2 and so on for other files of the same names."""

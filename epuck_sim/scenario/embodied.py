@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.arena import ArenaSection, find_picture
+from epuck_sim.scenario.arena import ArenaSection, OverheadSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import (
     AnyFault,
@@ -22,7 +22,6 @@ from epuck_sim.scenario.changes import (
     concerns,
     notes_on_faults,
 )
-from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import RobotKind, check_readings, sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group, resolve_parameters
 from epuck_sim.scenario.scenario import ORDER_PARAMETER, Scenario, StopSection

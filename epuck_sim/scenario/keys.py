@@ -13,8 +13,8 @@ from epuck_sim.scenario.base import ends_in, refused_at
 from epuck_sim.scenario.embodied import noise_keys
 from epuck_sim.scenario.robot_kind import are_groups, as_section, without_brought_sensors
 from epuck_sim.scenario.scenario import AS, WITHOUT_EFFECT
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.messages import short_yaml
+from epuck_sim.util.yaml_io import parse_yaml
 
 
 def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:

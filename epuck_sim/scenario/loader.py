@@ -24,11 +24,11 @@ from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_cu
 from epuck_sim.scenario.robot_kind import ROBOT, are_groups, with_robots
 from epuck_sim.scenario.robots import replace_controllers, share_parameters
 from epuck_sim.scenario.scenario import AnyScenario, Scenario, ScenarioLike, require_model
-from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 from epuck_sim.util.messages import cut, short_yaml, shortest_endings, storable
 from epuck_sim.util.seeds import point_seed
+from epuck_sim.util.yaml_io import read_yaml, write_yaml
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
 """Class of a scenario by the name that its key `model` gives."""

@@ -21,10 +21,10 @@ from epuck_sim.control.interface import SENSORS, Sensor, Wheels
 from epuck_sim.control.loader import find_sensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Length, Number, Positive, check_range, problems_in, refused_at
-from epuck_sim.scenario.yaml_io import line_of_key, read_yaml
 from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
 from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
+from epuck_sim.util.yaml_io import line_of_key, read_yaml
 
 FILE = "file"  # key of a sensor's file; others are its parameters
 

@@ -17,8 +17,8 @@ from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.measures.measure import CYCLE_METHOD, Measure, find_measure
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, keys_of, problems_in, refused_at
-from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_yaml, whole
+from epuck_sim.util.yaml_io import write_yaml
 
 CONDITION = re.compile(r"\s*([\w-]+)\s*(>=|<=|>|<)\s*([-+.\w]+)\s*")
 """A condition as text: a measure, a relation and a number."""

@@ -17,7 +17,7 @@ from epuck_sim.overhead.camera import Frame, Geometry, overhead_camera
 from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.filming import VirtualCamera
 from epuck_sim.overhead.flashes import RingCounter
-from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.arena import OverheadSection
 from tests.benchmarks.measuring import cpu_s, resident_kb
 
 SIZES = {"480 x 480": (480, 480), "1080p": (1920, 1080)}

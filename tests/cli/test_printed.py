@@ -23,12 +23,12 @@ from epuck_sim.cli.progress import LINE_S, SweepProgressBar
 from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
 from epuck_sim.estimate import Estimate
 from epuck_sim.runs.reader import Failure, PointAtLimit, Status, TrialsByOrigin
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.statistics import Statistic
 from epuck_sim.statistics.statistic import Measured, estimate
 from epuck_sim.sweep.run import SweepProgress
 from epuck_sim.util import atomic_write, jit, native
 from epuck_sim.util.provenance import PROVENANCE
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.cli.commands import call, called, cells, read, refused, set_to, trials
 from tests.processes import start, wait_until
 

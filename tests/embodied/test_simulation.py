@@ -15,8 +15,8 @@ from numba.core.dispatcher import Dispatcher
 from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario, points
 from epuck_sim.embodied.start import INFRARED_NOISE, WHEEL_NOISE
 from epuck_sim.scenario.loader import write_scenario
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.builtin import ARENAS, builtin_files
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.control.bench import EMPTY, with_sense, with_step, write_controller
 from tests.control.test_firmware import write_firmware
 from tests.embodied.steps import CHANGING, FAULTY, SIGNALS, bits, coming_and_going, constant, kept, steps_of, swarm_of

@@ -14,7 +14,7 @@ from epuck_sim.geometry import box_corners
 from epuck_sim.overhead.camera import CameraModel, Frame, Picture, overhead_camera
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.rings import Ring, RingFinder, ring_light
-from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.arena import OverheadSection
 from tests.overhead import webcam
 
 CLEAN = {"noise_levels": 0, "vignetting": 0, "bloom": 0, "blur_px": 0}

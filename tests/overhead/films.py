@@ -17,7 +17,7 @@ from epuck_sim.overhead.camera import CameraModel, Frame, Geometry
 from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.render import ExposureSample
 from epuck_sim.overhead.track import Track
-from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.arena import OverheadSection
 from tests.overhead.cameras import EMPTY, camera_of, make_renderer
 
 PERIOD_S = 1.0

@@ -26,9 +26,9 @@ from epuck_sim.overhead.track import track_film
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
+from epuck_sim.scenario.arena import OverheadSection
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.trial.model import run_trial
 from tests.overhead.cameras import ARENA, CLEAN, EMPTY, make_renderer, pixel_at, shot, standing
 from tests.overhead.films import frames_and_description, passed, read_rings, score_rows

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from epuck_sim import ParticleSimulation, load_scenario, points
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.phase_response import CURVES, Response, make_response, order_change, phase_shift
-from epuck_sim.scenario.yaml_io import write_yaml
+from epuck_sim.util.yaml_io import write_yaml
 from tests.measures.files import write
 from tests.particles.naive_model import shift
 from tests.particles.simulations import make_simulation

@@ -19,8 +19,8 @@ from epuck_sim.overhead.filming import film_trial
 from epuck_sim.particles.simulation import SHIFTS_ONLY, Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
 from epuck_sim.recording.rerun import run_rerun
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import simulate
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.overhead.films import frames_and_description
 from tests.particles.naive_model import receivers_of
 from tests.recording.recordings import Found, recorded

@@ -24,8 +24,8 @@ from epuck_sim.recording.recorder import arrangement_of, make_layout
 from epuck_sim.recording.rerun import PROGRAM, SEAL, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import versions
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.cli.commands import call
 from tests.embodied.scenes import directions_of
 from tests.recording.recordings import Found, Watched, recorded

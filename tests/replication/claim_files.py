@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from epuck_sim.scenario.yaml_io import write_yaml
+from epuck_sim.util.yaml_io import write_yaml
 from tests.cli.commands import call
 
 SPEED = "agents.speed_cm_s"

@@ -20,7 +20,7 @@ from epuck_sim.scenario.changes import FAULTS
 from epuck_sim.scenario.keys import quick_version, set_value, without_quick
 from epuck_sim.scenario.loader import SCENARIO, complete, load_scenario, validate, write_scenario
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.yaml_io import MAX_BYTES, parse_yaml, read_yaml, write_yaml
+from epuck_sim.util.yaml_io import MAX_BYTES, parse_yaml, read_yaml, write_yaml
 from tests.cli.commands import call
 from tests.control.bench import with_step
 

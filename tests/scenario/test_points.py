@@ -14,8 +14,8 @@ from epuck_sim.scenario.base import guess
 from epuck_sim.scenario.keys import axis_key, full_keys
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.seeds import point_seed
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.control.bench import with_sense, with_step
 
 LOADED = map(load_scenario, ("thesis", "particles", "obstacles"))

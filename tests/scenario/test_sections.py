@@ -18,7 +18,7 @@ from epuck_sim.scenario.embodied import arena_after, arena_entries, largest_cm
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from epuck_sim.scenario.scenario import Condition
-from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.control.bench import with_sense
 from tests.measures.files import COUNTER, write
 

@@ -7,12 +7,12 @@ import pytest
 
 from epuck_sim.runs.reader import read_points
 from epuck_sim.scenario.loader import Point, load_scenario, points
-from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.sweep import demand, worker
 from epuck_sim.sweep.demand import time_trials
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.worker import LIMIT_VARIABLE, Task, Watchdog, make_outcome, out_of_time, run_chunk
 from epuck_sim.trial.model import run_trial, simulate
+from epuck_sim.util.yaml_io import write_yaml
 from tests.cli.commands import called
 from tests.control.bench import with_step, write_soon_after
 from tests.sweep.pool_here import pool_here

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from epuck_sim import EpuckSimError, Simulation, Step, Trace, load_scenario, run_trial
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial import trace as trace_module
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.control.bench import with_step
 from tests.embodied.steps import bare_step
 from tests.measures.files import write

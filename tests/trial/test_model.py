@@ -24,12 +24,12 @@ from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES, write_scenario
 from epuck_sim.scenario.particles import ParticleStop
 from epuck_sim.scenario.scenario import StopSection
-from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.sweep.scheduler import local_pool
 from epuck_sim.trial import particles
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate
 from epuck_sim.trial.result import WINDOW, TrialResult, TrialState, _of_random_phases, hopelessness_watch, is_hopeless
+from epuck_sim.util.yaml_io import parse_yaml
 from tests.particles.simulations import KINDS, any_sections, make_resting, make_simulation
 from tests.trial import without_wall
 
