@@ -4,7 +4,6 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -339,21 +338,19 @@ class EmbodiedScenario(Scenario):
             found._check_arenas(f"{origin}: schedule")
         return found
 
-    def _knows_controller(self, place: int) -> bool:
-        return f"robots.{place}.controller" not in self.swept  # else it is known at each point
+    def _is_swept(self, place: int, part: str) -> bool:
+        """Return whether a group's controller, or its sensors, are known at each point of a sweep only."""
+        return not {part, "robots", f"robots.{place}", f"robots.{place}.{part}"}.isdisjoint(self.swept)
 
     def _check_oscillators(self, origin: str) -> None:
         """Raise ScenarioError if faults or a schedule change phases of robots that have none."""
-        changes: list[tuple[str, Sequence[int] | None]] = []
-        for number, fault in enumerate(self.faults):
-            if fault.changes == "phase":
-                changes.append((f"faults.{number}: kind is {fault.kind!r}, but", fault.robots))
-        for number, entry in enumerate(self.schedule):
-            if entry.displace:
-                changes.append((f"schedule.{number}.displace:", entry.displace.robots))
+        faults, schedule = enumerate(self.faults), enumerate(self.schedule)
+        frozen = ((f"faults.{at}: kind is {each.kind!r}, but", each) for at, each in faults if each.changes == "phase")
+        displaced = ((f"schedule.{at}.displace:", each.displace) for at, each in schedule if each.displace)
+        changes = [(said, each.robots) for said, each in (*frozen, *displaced)]
         for place, group, robots in members(self.robots):
             said = next((said for said, whom in changes if concerns(whom, robots)), None)
-            if said and self._knows_controller(place):
+            if said and not self._is_swept(place, "controller"):
                 controller = find_controller(group.controller)
                 if not controller.is_oscillator:
                     why = f"robots.{place} are no oscillators: their controller is {controller.name}"
@@ -367,9 +364,11 @@ class EmbodiedScenario(Scenario):
             present = list(at_first) if entry.at_s is None else timed
             for (place, sensor), values in entry.parameters().items():
                 group, where = self.robots[place], f"{origin}: schedule.{number}.set: robots.{place}"
+                if self._is_swept(place, "sensors" if sensor else "controller"):
+                    continue
                 if sensor is not None:
                     sensor_parameters(group.sensors, sensor, values, f"{where}.sensors")
-                elif self._knows_controller(place):
+                else:
                     present[place] = {**present[place], **values}
                     resolve_parameters(find_controller(group.controller), present[place], self.timing.step_ms, where)
 
@@ -398,9 +397,7 @@ class EmbodiedScenario(Scenario):
         """Return whether the reference is an oscillator, or may be one at a point of a sweep."""
         reference = self.stop.reference_robot
         place, group = next((place, group) for place, group, numbers in members(self.robots) if reference in numbers)
-        if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(self.swept):
-            return True
-        return find_controller(group.controller).is_oscillator
+        return self._is_swept(place, "controller") or find_controller(group.controller).is_oscillator
 
 
 STAYING = {"movables", "floor", "lamps"}  # keys of the arena that no schedule changes

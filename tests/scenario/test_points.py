@@ -303,6 +303,9 @@ def test_words_sections_and_parameters_of_swept_controllers_can_be_axes_too() ->
     assert moves.scenario.robots[0].parameters["speed_cm_s"] == 3
     (point,) = points(load_scenario({"sweep": {"points": [{WIDTH: 80, "arena": {"height_cm": 90}}]}}))
     assert (point.scenario.arena.width_cm, point.scenario.arena.height_cm) == (80, 90)
+    drives, later = [{"controller": "constant", "count": 2}], {"at_s": 1, "set": {"robots.0.parameters.left_cm_s": 2}}
+    for grid in ({"robots.0": drives}, {"robots": [drives]}):  # the scenario's own controller has no such parameter
+        assert points({"schedule": [later], "sweep": {"grid": grid}})[0].scenario.schedule[0].set == later["set"]
 
 
 def test_controllers_are_found_beside_the_scenario_and_known_by_their_file_s_name(tmp_path) -> None:
