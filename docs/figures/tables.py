@@ -59,10 +59,10 @@ def restore(name: str, scenario: Scenario, folder: Path) -> None:
         further = {column: values[row] for column, values in columns.items()}
         events = tuple(TrialEvent(**event) for event in further.pop("events", ()))
         last = 0 if np.isnan(cycles) else int(cycles)
-        task = Task(int(number), trial, swept[number].key, swept[number].scenario, False)
+        task = Task(swept[number], trial, False)
         result = TrialResult(
             scenario=scenario.name,
-            seed=task.seed,
+            seed=task.point.seed(trial),
             t_sync_cycles=last if observed else None,
             censored=not observed if table.has_t_sync else None,
             cycles=last,
