@@ -403,9 +403,9 @@ def points(scenario: ScenarioLike) -> tuple[Point, ...]:
     >>> [tuple(point.axes.values()) for point in points(sweep)]
     [(2, 1), (2, 5), (3, 1), (3, 5)]
     """
-    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    loaded = load_scenario(scenario)
     if loaded.sweep is None:
-        return (Point(0, canonical_text({}), {}, complete(loaded, loaded.name)),)
+        return (Point(0, canonical_text({}), {}, loaded),)
     base = loaded.model_copy(update={"sweep": None}).model_dump(mode="json")
     rows = loaded.sweep.rows()
     names = _short_names(rows)

@@ -235,7 +235,8 @@ def test_a_loaded_scenario_is_completed_without_a_look_into_folders_and_a_change
     ):
         with pytest.raises(ScenarioError, match=said):
             Simulation(loaded.model_copy(update={"robots": (group,)}))
-    assert Simulation(loaded.model_copy(update={"arena": {"width_cm": 80}})).scenario.arena.width_cm == 80
+    wide = loaded.model_copy(update={"arena": {"width_cm": 80}})
+    assert {each.scenario.arena.width_cm for each in (Simulation(wide), *points(wide))} == {80}
     with pytest.raises(ScenarioError, match="thesis: seeds: unknown 'seeds', did you mean 'seed'"):
         Simulation(loaded.model_copy(update={"seeds": 3}))
     agents = load_scenario("particles")
