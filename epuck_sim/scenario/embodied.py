@@ -334,7 +334,7 @@ class EmbodiedScenario(Scenario):
                 said = f"{section.measure} assumes that all robots are in the arena, but some come or go"
                 allowed = f"{', '.join(OF_PRESENT)}, and measures of your own"
                 raise ScenarioError(f"{origin}: measures.{number}: {said}; allowed: {allowed}")
-        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in self.swept):
+        if not any(f"{key}.".startswith(("arena.", "robot.", "robots.")) and key.count(".") < 3 for key in self.swept):
             found._check_arenas(f"{origin}: schedule")
         return found
 

@@ -306,6 +306,8 @@ def test_words_sections_and_parameters_of_swept_controllers_can_be_axes_too() ->
     drives, later = [{"controller": "constant", "count": 2}], {"at_s": 1, "set": {"robots.0.parameters.left_cm_s": 2}}
     for grid in ({"robots.0": drives}, {"robots": [drives]}):  # the scenario's own controller has no such parameter
         assert points({"schedule": [later], "sweep": {"grid": grid}})[0].scenario.schedule[0].set == later["set"]
+    narrows = {"robots": [{"count": 1, "signal": {"kind": "radio"}}], "schedule": [{"at_s": 1, "set": {WIDTH: 5}}]}
+    assert points({**narrows, "sweep": {"grid": {"robot": ["kilobot"]}}})  # e-pucks are wider than 5 cm
 
 
 def test_controllers_are_found_beside_the_scenario_and_known_by_their_file_s_name(tmp_path) -> None:
