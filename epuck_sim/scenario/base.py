@@ -199,11 +199,11 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str], kinds: Sequence[
         return f"unknown {name!r} here; the full key is {' or '.join(same)}"
     if kinds:
         return f"unknown {name!r} here; {', '.join(dict.fromkeys(kinds))}"
-    endings = {key.rpartition(".")[2]: key for key in reversed(keys)}
+    endings = dict.fromkeys(key.rpartition(".")[2] for key in reversed(keys))
     longer = min((each for each in endings if each.startswith(f"{name}_")), key=len, default=None)
     near = longer or nearest_name(name, [*known, *endings])
     if near is not None and near not in known:
-        return f"unknown {name!r}, did you mean {near} ({endings[near]})?"
+        return f"unknown {name!r}, did you mean {near} ({' or '.join(key for key in keys if ends_in(key, near))})?"
     return f"unknown {name!r}" + (f", did you mean {near!r}?" if near else "")
 
 
