@@ -230,13 +230,13 @@ def _width(columns: Sequence[_Column]) -> int:
 def _parts(columns: list[_Column], width: int | None) -> tuple[list[list[_Column]], list[str]]:
     """Return columns in parts that fit a width, each with those that tell rows apart, and texts on what is left out.
 
-    Axes tell rows apart, with points unless these only count up; if axes are too wide, the number of point or row does.
+    Axes, or else the first column, tell rows apart, with points unless these only count up; if too wide, a number does.
     """
     if width is None or _width(columns) <= width:
         return [columns], []
     first, rows, said = columns[0], range(1, 1 + len(columns[0].cells)), list[str]()
-    keys = [column for column in columns if column.is_axis or column.heading == POINT]
-    if _width([column for column in keys if column.is_axis]) > width / 2:
+    keys = [column for column in columns if column.is_axis or column.heading == POINT] or [first]
+    if _width([column for column in keys if column.heading != POINT]) > width / 2:
         keys = [first if first.heading == POINT else _Column("row", [*rows], [*map(str, rows)], False)]
     elif first.heading == POINT and len(rows) > 1 and first.cells == [first.cells[0] + row - 1 for row in rows]:
         keys, columns = keys[1:], columns[1:]

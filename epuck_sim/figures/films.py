@@ -184,7 +184,7 @@ def draw_comparison(rows: "Sequence[QuantityComparison]") -> Figure:
         values = row.trials[np.isfinite(row.trials)]
         spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
         edges = 12 if spread > ROUNDING * abs(values).max() else [values[0] - 0.5, values[0] + 0.5]
-        panel.hist(values, edges, color=TRIALS)
+        panel.hist(values, edges, color=TRIALS, edgecolor=TRIALS)  # edges show bars that are narrow
         notes = [f"{counted(row.beyond, 'trial')} beyond the film's end"] * (row.beyond > 0)
         if math.isfinite(row.film):
             panel.axvline(row.film, color=FILM, linewidth=2)

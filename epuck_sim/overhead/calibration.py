@@ -198,8 +198,9 @@ def calibrate(
     if corners is None and not len(rings.radius_px):
         raise FilmError(
             f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so long that "
-            f"rings are discs? Those of {MIN_RADIUS_PX:g} to {MAX_RADIUS * min(size_px):.0f} px radius are searched, "
-            "lit up to half of it wide. If there are, give the floor's corners by --corners, which show their size"
+            f"rings are discs? Those of {MIN_RADIUS_PX:g} px radius or more are searched, up to "
+            f"{MAX_RADIUS * min(size_px):.0f} px in pictures of {size_px[0]} x {size_px[1]} px, lit up to half of it "
+            "wide. If there are, give the floor's corners by --corners, which show their size"
         )
     found = fit_camera(size_px, floor_cm, above_cm, rings, corners, lens)
     if corners is not None and not is_given:

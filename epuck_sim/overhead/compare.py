@@ -231,11 +231,10 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
     if not largest[0]:
         return Verdict(math.nan, "nothing can be said: no quantity is known of both the film and the trials")
     caution = ""
-    if 2 * rows[0].beyond > trials:
-        caution = (
-            f"{rows[0].beyond} of {trials} trials are not synchronised when the film ends, so film for longer; as "
-            "far as it goes, "
-        )
+    beyond, known = rows[0].beyond, trials - rows[0].unknown
+    if 2 * beyond > known:
+        short = f"{beyond} of {known} trials are not synchronised when the film ends, so film for longer"
+        caution = f"{short}; as far as it goes, "
     p_value = float(np.count_nonzero(largest >= largest[0]) / (1 + trials))
     if p_value > UNLIKE:
         return Verdict(p_value, f"{caution}the film is like the simulated trials (p = {p_value:.2g})")

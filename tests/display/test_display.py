@@ -223,6 +223,9 @@ def test_a_table_that_is_too_wide_comes_in_parts_with_what_tells_rows_apart() ->
     assert all(len(line) <= 40 for line in text.splitlines())
     assert text.count("2.py") == text.count("controller") == 6
     assert text.count("2.0 [1.0, 3.0]") == 6
+    rows = [Row({}, {"quantity": name, **cells[0]}) for name in names]
+    parts = Table("", [row._replace(cells={k: v for k, v in row.cells.items() if k != "point"}) for row in rows])
+    assert parts.to_text(40).count("statistic 5") > 2  # nothing but the first column tells rows apart
     keys = [f"a_long_key_{n}" for n in range(3)]  # wider than half of the terminal
     for cell, name in (("point", "point"), ("mean", "row")):
         rows = [Row(dict(zip(keys, each, strict=True)), {cell: n}) for n, each in enumerate(product((1, 2), repeat=3))]

@@ -37,6 +37,7 @@ def test_the_percentile_counts_trials_with_smaller_values_and_beyond_the_end_of_
     panel, other, *_ = draw_comparison([rounded, compared(2.0, [1.0, 3.0, math.inf])]).axes
     assert other.get_title("left").splitlines() == ["1 trial beyond the film's end", "film at 33 %"]
     assert (panel.get_xlabel(), panel.get_yticks().tolist()) == (r"$T_\mathrm{sync}$ (cycles)", [0, 1, 2, 3, 4])
+    assert panel.patches[0].get_edgecolor()[3] == 1  # which shows a bar that is narrower than a pixel
     assert math.isnan(compared(math.nan, [1, 2]).percentile)
     assert math.isnan(compared(1.0, [math.nan]).percentile)
     unknown = compared(math.nan, [3.0, 4.0, 5.0])._replace(name="clocks")
@@ -104,6 +105,8 @@ def test_one_trial_hides_no_film_that_is_far_off_and_too_few_trials_and_too_shor
     assert verdict.sentence.startswith(longer)
     assert "the film is like" in verdict.sentence
     assert verdict.p_value > compare.UNLIKE
+    trials[18:26] = math.nan  # films of these end too early to tell
+    assert "18 of 32 trials are not synchronised" in judge(rows_of([math.inf], trials)).sentence
 
 
 def test_a_trial_is_tracked_as_if_it_were_filmed_and_told_the_number_of_robots_if_the_film_is() -> None:
