@@ -89,10 +89,10 @@ def _summary(results: "Sequence[TrialResult]", max_cycles: int) -> str:
     is_observed = np.array([not result.censored for result in results])
     measured = Measured(times, is_observed, max_cycles, results[0].seed)
     if not is_observed.any():
-        return f"T_sync of {len(results)} trials: all are censored"
+        return f"T_sync: all of {len(results)} trials are censored"
     mean, median = (estimate(measured, statistic) for statistic in (Statistic.MEAN, Statistic.MEDIAN))
-    ends = f"{mean.name} {mean} cycles, {median.name} {median}"
-    return f"T_sync of {len(results)} trials: {ends}; {100 * measured.censored:.0f} % censored"
+    ends = f"{mean.name} {mean}, {median.name} {median}"
+    return f"T_sync: {ends}; {np.count_nonzero(~is_observed)} censored"  # in 80 columns
 
 
 MOST_LISTED = 10  # maximum number of kinds of failures, and of shares without a folder, that are listed

@@ -335,15 +335,16 @@ def test_a_table_of_trials_has_units_and_whole_seeds_and_several_a_line_of_stati
         assert str(2**53 - 1) in shown
         assert shown.count("(s)") == 2
         assert "(cycles)" in shown
-        assert "T_sync of" not in shown
+        assert "T_sync:" not in shown
     late = {"t_sync_cycles": None, "censored": True, "cycles": 25}
     tables.print_trials([trial(n, **late if n > 15 else {}) for n in range(20)], 25)
     measured = Measured(np.minimum(10.0 + np.arange(20), 25), np.arange(20) <= 15, 25, 0)
     mean, median = (estimate(measured, statistic) for statistic in (Statistic.MEAN, Statistic.MEDIAN))
     last = capsys.readouterr().out.splitlines()[-1]
-    assert last == f"T_sync of 20 trials: restricted mean {mean} cycles, median {median}; 20 % censored"
+    assert last == f"T_sync: restricted mean {mean}, median {median}; 4 censored"
+    assert len(last) <= 80
     tables.print_trials([trial(n, **late) for n in range(20)], 25)
-    assert capsys.readouterr().out.splitlines()[-1] == "T_sync of 20 trials: all are censored"
+    assert capsys.readouterr().out.splitlines()[-1] == "T_sync: all of 20 trials are censored"
 
 
 def test_a_notebook_redraws_progress_if_it_has_widgets(monkeypatch) -> None:
