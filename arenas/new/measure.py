@@ -27,7 +27,7 @@ class NAME:
         centre = self.positions(event).mean(axis=0)
         if self.centre is not None:
             self.length_cm += float(np.linalg.norm(centre - self.centre))
-        self.centre = centre  # arrays of robots are overwritten in the next step: keep copies; a mean is one
+        self.centre = centre
 
     # Called at the end: return a number, True or False, None if it is undetermined, or a list with one of these
     # for each cycle.

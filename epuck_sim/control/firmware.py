@@ -169,6 +169,8 @@ def _run(path: Path, command: Sequence[str | Path]) -> str:
         if missing := re.search(r"""(?:undefined reference to .|"_)(start|step)['"]""", run.stderr):
             raise ControllerError(f"{path}: has no function void {missing[1]}(void), which the simulator calls")
         said = "\n".join(f"  {line}" for line in (run.stderr or run.stdout).splitlines())
+        if lacking := re.search(r"(?:implicit declaration of|undeclared) function .(e_\w+)", said):
+            said += f"\n  epuck.h has no {lacking[1]}: docs/firmware.md says what is simulated"
         raise ControllerError(f"{path}: {command[0]} cannot compile it:\n{said}")
     return run.stdout
 

@@ -27,8 +27,8 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 }
 """Arguments of a controller's functions, and of a sensor's, in this order."""
 
-FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"), Controller: ("parameters",)}
-"""Arguments that code must not set: a sensor would change outcomes, a controller the values of its whole group."""
+FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"), Controller: ("parameters", "sensors")}
+"""Arguments that code must not set: a sensor would change outcomes, a controller its group's values, or traces."""
 
 GENERATORS = re.compile(r"random|numpy\.random(\..*)?")
 """Modules of random generators: their numbers do not come from a robot's stream, nor repeat without a seed."""
@@ -151,8 +151,7 @@ def _mistakes(
             if (role, node.attr) in several and is_set:
                 said = ast.unparse(node)
                 yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
-        role = also_named.get(_root(node), "")
-        if is_set and (role in fixed or (role == "sensors" and isinstance(node, ast.Attribute))):
+        if is_set and also_named.get(_root(node)) in fixed:
             setter, may = ("sensor", "its readings") if own == "readings" else ("controller", "memory and actuators")
             yield node.lineno, f"sets {ast.unparse(node)}; a {setter} may set only {may}"
 
@@ -221,6 +220,7 @@ def unknown_name(role: str, name: str, names: Sequence[str]) -> str:
     """Return the message about a name that sensors, memory, actuators, parameters or random do not have."""
     nearest = nearest_name(name, names)
     known = DRAW if role == "random" else f"known: {comma_list(names)}"
+    known += "; for more: sensors: [FILE.py]" * (role == "sensors")
     there = f"did you mean {nearest!r}?" if nearest else known
     return f"{role} {'have' if role.endswith('s') else 'has'} no {name!r}; {there}"
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -111,6 +111,12 @@ class Step(NamedTuple):
             poses = poses_of(self.scene.swarm.robots)[None].copy()
             self.found["contacts"] = _read_only(find_contacts(self.scene, poses)[0][:, 1:].copy())
         return self.found["contacts"]
+
+    def copied(self) -> Self:
+        """Return this step with arrays of its own, which the next step does not overwrite."""
+        own = self._make(part.copy() if isinstance(part, np.ndarray) else part for part in self)
+        sensed = tuple((robots, records.copy()) for robots, records in self.sensed)
+        return own._replace(memories=tuple(memory.copy() for memory in self.memories), sensed=sensed)
 
     def __repr__(self) -> str:
         return f"Step(number={self.number}, time_s={self.time_s:g}, robots={len(self.poses)})"

@@ -209,7 +209,7 @@ class Moved(Shipped):
             raise ValueError("moved needs arena.movables; the arena has none")
 
     def cycle(self, step: Any, _: Any) -> None:
-        places = step.movables.copy()
+        places = step.movables
         if self._places is None:
             self._begin_s = step.time_s
         else:

@@ -71,6 +71,10 @@ def _tell_one(tell: Observer, simulation: Any, event: Any, state: TrialState) ->
     tell(OneCycle(event, state, simulation), state)
 
 
+def _tell_copy(tell: Observer, step: Any, state: TrialState) -> None:
+    tell(step.copied(), state)
+
+
 class Measuring:
     """The measures of a trial, and what waits for one of them or for a cycle.
 
@@ -112,7 +116,7 @@ class Measuring:
                 if told_by == "stretch":
                     self.at_stretches.append(tell)
                 elif told_by != "batch":
-                    observers.append(tell)
+                    observers.append(partial(_tell_copy, tell) if event_method == "step" else tell)
                 elif hasattr(simulation, "take_batch"):
                     self.at_batches.append(tell)
                 else:

@@ -1,6 +1,7 @@
 """Measures of a trial: what they are told, that they change nothing, how they fail; what changes and ends trials."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from tests.sweep.pool_here import pool_here
 from tests.trial import without_wall
 
 SHORT = ["stop.max_cycles=6"]
+GROUND = Path(__file__).parents[1] / "golden_files" / "ground.py"
 MODELS = ["thesis", "particles"]
 
 CYCLES = """
@@ -44,6 +46,19 @@ class Batches:
 
     def value(self):
         return self.seen
+"""
+
+KEEPER = """
+class Keeper:
+    def __init__(self, simulation):
+        self.kept = []
+
+    def METHOD(self, step, state):
+        parts = (*step[2:11], step.memories[0], step.readings["ground"])
+        self.kept.append([(part, part.copy()) for part in parts])
+
+    def value(self):
+        return all((part == copy).all() for parts in self.kept for part, copy in parts)
 """
 
 
@@ -75,6 +90,12 @@ def test_cycles_are_the_same_whether_or_not_every_event_is_seen(scenario, tmp_pa
     assert len(fast.measures["Cycles"]) == 4 * fast.cycles
     assert fast.measures["Cycles"][-1] == fast.order_parameter
     assert without_measures(slow) == without_measures(fast)
+
+
+@pytest.mark.parametrize("method", ["cycle", "step"])
+def test_a_measure_may_keep_the_arrays_of_cycles_and_steps(method, tmp_path):
+    keeper = write(tmp_path / "keeper.py", KEEPER.replace("METHOD", method))
+    assert measured({"sensors": [str(GROUND)]}, [str(keeper)]).measures["Keeper"]
 
 
 @pytest.mark.parametrize("scenario", MODELS)
