@@ -164,8 +164,8 @@ def _keys_of_section(
 
 
 def ends_in(key: str, ending: str) -> bool:
-    """Return whether a dotted key is this one, or ends in it."""
-    return f".{key}".endswith(f".{ending}")
+    """Return whether a dotted key is this one, or ends in it, with or without `parameters`: `0.speed_cm_s`."""
+    return any(f".{each}".endswith(f".{ending}") for each in (key, key.replace(".parameters.", ".")))
 
 
 def whole_key_of(ending: str, keys: Sequence[str]) -> str:
