@@ -80,7 +80,7 @@ class World(NamedTuple):
     radius_cm: float  # radius of the robot that senses, cm
     robots: Any
     """(robots,) records: `x` and `y` (cm), `heading` (rad), `radius_cm`, `ring_on` (whether the ring is lit), `present`
-    (whether the robot is in the arena) and `number`."""
+    (whether the robot is in the arena), `number`, and `actuators.send` (the message that it sends)."""
     circles: Any  # (n,) records: `x`, `y` and `radius` (cm) of round obstacles and of movables
     edges: Any  # (n,) records: `ax`, `ay`, `bx` and `by` (cm), the ends of an edge of another obstacle
     swarm: Any  # all of the swarm, for the functions of `epuck_sim.embodied.sensing`

@@ -270,12 +270,7 @@ class EmbodiedScenario(Scenario):
         awaited = {} if self._has_reference() else self.conditions
         never = f"never holds: order is measured at firings of robot {stop.reference_robot}, which is no oscillator"
         found += [f"{key} {never}" for key, (each, _) in awaited.items() if each.measure == ORDER_PARAMETER]
-        hears = any(group.signal.kind == "radio" for group in self.robots)
         for number, group in enumerate(() if self.sweep else self.robots):
-            code = b"".join(find_controller(group.controller).sources.values())
-            if not hears and (b"actuators.send" in code or b"e_set_message" in code):
-                said = "sends messages, which only robots with signal: {kind: radio} hear; there are none"
-                found.append(f"robots.{number}.controller {said}")
             least, most = group.parameters.get("flash_pixels", 0), group.camera.central_pixels or group.pixels
             if least > most:
                 shown = f"signal {group.signal.kind} shows {most} at most: these robots see no flash"

@@ -84,8 +84,7 @@ def test_an_ending_in_several_groups_means_all_and_says_so_and_is_the_axis_of_th
         load_scenario(groups, ["sensors=[]"])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        second = load_scenario(groups, ["0.count=3", "1.speed_cm_s=7"]).robots[1]
-    assert second.parameters["speed_cm_s"] == 7
+        assert load_scenario(groups, ["0.count=3", "1.speed_cm_s=7"]).robots[1].parameters["speed_cm_s"] == 7
     with pytest.warns(UserWarning, match="stands for"):
         again = points(load_scenario(groups, axes=["count=2,3", "coupling=0.1,0.2", "count=4,5"]))
     assert [point.axes["robots.1.count"] for point in again] == [4, 5, 4, 5]

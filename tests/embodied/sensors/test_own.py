@@ -68,6 +68,15 @@ def test_compiled_and_interpreted_sensors_read_what_the_file_computes_and_so_do_
     assert found[0] == found[1]
 
 
+@pytest.mark.parametrize("interpret", [False, True])
+def test_a_sensor_hears_what_another_robot_sent_in_the_step_before(files, interpret):
+    hear = "readings.said = world.robots[1 - robot.number].actuators.send"
+    files(ear=with_sense(hear, "{'said': int}"), teller=with_step("actuators.send = 7 + sensors.said"))
+    simulation = Simulation(scenario(["ear.py"], "teller.py", 2), interpret=interpret)
+    assert [simulation.advance(1).readings["said"].tolist() for _ in range(3)] == [[0, 0], [7, 7], [14, 14]]
+    assert not any("sends" in note for note in simulation.scenario.notes)
+
+
 def test_a_sensor_that_nobody_reads_changes_no_outcome():
     given = load_scenario("thesis").model_dump(mode="json")
     given["robots"][0]["sensors"] = [{"ground.py": {"noise": 0.3}}]
