@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -112,9 +112,9 @@ class Step(NamedTuple):
             self.found["contacts"] = _read_only(find_contacts(self.scene, poses)[0][:, 1:].copy())
         return self.found["contacts"]
 
-    def copied(self) -> Self:
+    def copied(self) -> "Step":
         """Return this step with arrays of its own, which the next step does not overwrite."""
-        own = self._make(part.copy() if isinstance(part, np.ndarray) else part for part in self)
+        own = Step._make(part.copy() if isinstance(part, np.ndarray) else part for part in self)
         sensed = tuple((robots, records.copy()) for robots, records in self.sensed)
         return own._replace(memories=tuple(memory.copy() for memory in self.memories), sensed=sensed)
 
