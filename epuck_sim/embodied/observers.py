@@ -79,7 +79,8 @@ def find_sightings(
     parts, listed = [np.empty((0, 3), np.int64)], np.ones(poses.shape[:2], np.bool_) if listed is None else listed
     for number, group in enumerate(scene.groups):
         if group.signal.kind != "radio":
-            write = partial(write_sightings, scene.block, number, group.signal.kind == "camera", poses, listed)
+            kernel = write_seen if group.signal.kind == "camera" else write_perceived
+            write = partial(kernel, scene.block, number, poses, listed)
             room = min(poses.shape[1], MANY_SEEN) * len(poses) * group.count
             parts += _with_room(write, np.empty((room, 3), np.int64))
     found: IntArray = np.concatenate(parts)
@@ -89,22 +90,30 @@ def find_sightings(
 
 
 @jit_no_alloc
-def write_sightings(
-    block: ByteArray, number: int, has_cameras: bool, poses: FloatArray, listed: BoolArray, found: IntArray
-) -> int:
-    """Write the sightings of a group, as far as there is room; return the number of all."""
+def write_seen(block: ByteArray, number: int, poses: FloatArray, listed: BoolArray, found: IntArray) -> int:
+    """Write whom the cameras of a group see, as far as there is room; return the number of all sightings."""
     swarm = swarm_at(block)
-    group, robots = swarm.groups[number], len(swarm.robots)
+    group, robots, sightings = swarm.groups[number], len(swarm.robots), 0
     row = swarm.numbers[2 * robots : 2 * robots + group.pixels]
-    sightings = 0
     for step in range(len(poses)):
         lit = _show(block, poses, listed, step)
         for observer in range(group.first, group.first + group.count if lit > 0 else 0):
             for pixel in range(group.pixels):
                 row[pixel] = 0
-            if has_cameras and see(swarm, group, observer, lit, row):
+            if see(swarm, group, observer, lit, row):
                 sightings = list_seen(step, observer, row, found, sightings)
-            for place in range(0 if has_cameras else lit):
+    return sightings
+
+
+@jit_no_alloc
+def write_perceived(block: ByteArray, number: int, poses: FloatArray, listed: BoolArray, found: IntArray) -> int:
+    """Write what `write_seen` does, for a group with another sensor of flashes."""
+    swarm = swarm_at(block)
+    group, sightings = swarm.groups[number], 0
+    for step in range(len(poses)):
+        lit = _show(block, poses, listed, step)
+        for observer in range(group.first, group.first + group.count if lit > 0 else 0):
+            for place in range(lit):
                 if perceives(swarm, group.cone, observer, swarm.numbers[place]):
                     sightings = add_pair(step, observer, swarm.numbers[place], found, sightings)
     return sightings

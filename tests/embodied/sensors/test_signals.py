@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from epuck_sim import Simulation
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.observers import write_sightings
+from epuck_sim.embodied.observers import write_perceived
 from epuck_sim.embodied.sensors.signals import perceive_flashes, set_signal
 from epuck_sim.scenario.robots import ConeSection, EnkiCameraSignal
 from tests.control.bench import with_step, write_controller
@@ -37,7 +37,7 @@ def pairs(scene: scenes.Scene, section: ConeSection, occlusion: bool) -> BoolArr
     found, seen = np.zeros((robots**2, 3), np.int64), np.zeros((robots, robots), bool)
     everybody = np.ones((1, robots), bool)
     block = with_cone(scene, section, occlusion).bytes
-    count = write_sightings(block, 0, False, scene.poses[None], everybody, found.ravel())
+    count = write_perceived(block, 0, scene.poses[None], everybody, found.ravel())
     seen[found[:count, 1], found[:count, 2]] = True
     return seen
 
