@@ -99,10 +99,10 @@ class ParticleSimulation:
                 f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; for a "
                 "ParticleSimulation, give start_like(robots, seed) as start"
             )
-        self.scenario, chosen, self._turn = loaded, seed_of_trial(loaded, seed), Lock()
+        self.scenario, self.seed, self._turn = loaded, seed_of_trial(loaded, seed), Lock()
         self._rules = rules_of(loaded)
         self._renew(self._rules)
-        self._begin(chosen)
+        self.reset()
 
     def reset(self, seed: int | None = None) -> None:
         """Restart with the same scenario: equal, to the bit, to a new simulation with this seed.
@@ -113,15 +113,11 @@ class ParticleSimulation:
         Raises:
             ScenarioError: The seed is not allowed.
         """
-        chosen = self.seed if seed is None else seed_of_trial(self.scenario, seed)
+        self.seed = self.seed if seed is None else seed_of_trial(self.scenario, seed)
         if self._present_rules is self._rules:
             self._arrays.block[: len(self._rules.beginning)] = self._rules.beginning
         else:
             self._renew(self._rules)
-        self._begin(chosen)
-
-    def _begin(self, seed: int) -> None:
-        self.seed = seed
         draw_differences(self._arrays, self.scenario, self.seed)
         start(self._arrays.block, self._addresses, seed_words(self.seed))
         self.events, self.recorded = [], 0
@@ -136,7 +132,8 @@ class ParticleSimulation:
         return divmod(time_s / self.scenario.clocks.period_s, 1.0) if time_s < math.inf else NEVER
 
     def _await_change(self) -> None:
-        """Note when the schedule or a fault changes something next, after one has."""
+        """Note that the schedule or a fault has changed something, and when one does so next."""
+        self._is_changed = True
         self._fault_ms = float(self._arrays.affected["change_ms"].min()) if self.scenario.faults else math.inf
         self.next_change = min(self._timed[0][0], self._moment(self._fault_ms / 1000))
 
@@ -152,8 +149,7 @@ class ParticleSimulation:
         """Return the state without addresses, which are valid in this process only."""
         lost = ("_rules", "_present_rules", "_addresses", "_arrays", "_state", "_scratch", "_turn", "room", "recorded")
         kept = {name: value for name, value in vars(self).items() if name not in lost}
-        own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
-        return {**kept, **own}
+        return kept | {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         block, self._turn = state.pop("block"), Lock()
@@ -206,8 +202,7 @@ class ParticleSimulation:
         if self.next_firing <= last_firing_before(self.next_change):
             return False
         swarm, (cycle, time) = self._observe(), self.next_change
-        ends = swarm.end_cycle
-        return not ((ends < cycle) | ((ends == cycle) & (swarm.end_time <= time))).any()
+        return not ((swarm.end_cycle < cycle) | ((swarm.end_cycle == cycle) & (swarm.end_time <= time))).any()
 
     def last_instant(self) -> Event:
         """Return the last event at which agents fired, if no time has passed since."""
@@ -230,12 +225,11 @@ class ParticleSimulation:
         Raises:
             ValueError: A limit, or the share, is not allowed.
         """
-        cycles = whole("cycles", cycles, 0)
         last_cycle = UNLIMITED if periods is None else self.period + whole("periods", periods, 0)
         last_pulse = UNLIMITED if pulses is None else self._state["pulses"].item() + whole("pulses", pulses)
         if not 0 <= share < 1:
             raise ValueError(f"share is {share!r}; allowed: from 0, and below 1")
-        self._advance_through((last_cycle, share), last_pulse, cycles)
+        self._advance_through((last_cycle, share), last_pulse, whole("cycles", cycles, 0))
 
     def run_to(self, time_s: float) -> None:
         """Simulate up to a time, or up to synchrony if that is earlier.
@@ -286,7 +280,6 @@ class ParticleSimulation:
     def _change_faults(self, time_ms: float) -> None:
         for fault in change_faults(self._observe(), time_ms):
             self.events.append(fault_event(self.instants, self.time_s, *fault))
-        self._is_changed = True
         self._await_change()
 
     def carry_out_scheduled(self, entry: int) -> None:
@@ -300,7 +293,6 @@ class ParticleSimulation:
         if section.displace is not None:
             self._displace(section.displace, entry)
         self.events.append(TrialEvent(self.instants, self.time_s, source, section.what))
-        self._is_changed = True
         if section.begin or section.end:
             time_ms = self.time_s * 1000
             begin_or_end(self._arrays.affected, self.oscillators, section, time_ms)
@@ -345,8 +337,7 @@ class ParticleSimulation:
         if self.instants or not cycles >= 0:
             raise ValueError(f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more before the first")
         swarm = self._arrays
-        forward = cycles * swarm.period[agent]
-        swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, swarm.scene.now)
+        swarm.next_firing[agent] = max(swarm.next_firing[agent] - cycles * swarm.period[agent], swarm.scene.now)
         forget_earliest(swarm)
 
     @property
