@@ -363,7 +363,7 @@ class Simulation:
         for name, values in commands.items():
             self._actuators[name][robots[name]] = values
         act_again(*self.memory)
-        self._note("command", **commands)
+        self._changes.append(Change(self.steps, "command", (), commands))
 
     def set_parameters(self, group: int = 0, /, **values: Value) -> None:
         """Change parameters of the controllers of a group, by its number, from the next step on.
@@ -375,7 +375,7 @@ class Simulation:
             ValueError: There is no such group.
         """
         self._set_parameters(group, values, self.scenario.name)
-        self._note("set_parameters", group, **values)
+        self._changes.append(Change(self.steps, "set_parameters", (group,), values))
 
     def _set_parameters(self, group: int, values: Mapping[str, Value], origin: str) -> None:
         changed = numbered("group", group, self._groups)
@@ -397,7 +397,7 @@ class Simulation:
         Those with a time the simulation itself carries out, others `run_trial`. ValueError: there is no such entry.
         """
         self._carry_out(entry)
-        self._note("carry_out_scheduled", entry)
+        self._changes.append(Change(self.steps, "carry_out_scheduled", (entry,), {}))
 
     def _carry_out(self, number: int) -> None:
         scenario, swarm, entry = self.scenario, self._swarm, numbered("entry", number, self.scenario.schedule)
@@ -468,9 +468,6 @@ class Simulation:
         self._has_replaced = True
         self._show(arena)
         return replaced
-
-    def _note(self, method: str, *given: Any, **values: Any) -> None:
-        self._changes.append(Change(self.steps, method, given, values))
 
     def snapshot(self) -> Snapshot:
         """Return a snapshot of the simulation as it is now: `restore` it, or pickle it for later.
