@@ -163,13 +163,10 @@ def set_arena(swarm: Swarm, arena: Arena, least_cm: float) -> None:
     """Write walls, obstacles and movables to a swarm with room for them; least_cm: least side of a cell."""
     scene = swarm.scene[0]
     scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
-    if len(arena.circles):
-        circles = swarm.circles[: len(arena.circles)]
-        circles.x, circles.y, circles.radius = arena.circles.T
-    if len(arena.edges):
-        edges = swarm.edges[: len(arena.edges)]
-        edges.ax, edges.ay, edges.bx, edges.by = arena.edges.T
-        edges.polygon = np.repeat(np.arange(len(arena.polygons)), [len(corners) for corners in arena.polygons])
+    circles, edges = swarm.circles[: len(arena.circles)], swarm.edges[: len(arena.edges)]
+    circles.x, circles.y, circles.radius = arena.circles.T
+    edges.ax, edges.ay, edges.bx, edges.by = arena.edges.T
+    edges.polygon = [number for number, corners in enumerate(arena.polygons) for _ in corners]
     set_cells(swarm, arena.width_cm, arena.height_cm, least_cm)
 
 
