@@ -40,8 +40,9 @@ docs: $(VENV)/docs-tools ## build the site of the docs into site/
 compiled: $(VENV)/installed ## compile the kernels for the Python at hand, to be packed with a release
 	mkdir -p $(COMPILED)
 	set -e; for scenario in $(PRECOMPILED); do \
-	    NUMBA_CACHE_DIR=$(COMPILED) $(BIN)/epuck-sim run $$scenario --set stop.max_cycles=2; \
+	    NUMBA_CACHE_DIR=$(COMPILED) $(BIN)/epuck-sim run $$scenario --set stop.max_cycles=2 --record $(COMPILED)/trial.rrd; \
 	done
+	rm $(COMPILED)/trial.rrd
 
 dist: compiled $(VENV)/dist-tools ## build sdist and wheel, compiled kernels inside, into dist/
 	$(BIN)/python -m build --sdist --wheel
