@@ -13,18 +13,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arena import Arena
-from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from epuck_sim.embodied.bodies.contacts import SLOP_CM
 from epuck_sim.embodied.cells import cells_around, members_in_row, sort_into_cells
 from epuck_sim.embodied.layout import furnish, room_for
 from epuck_sim.embodied.sensors.camera import list_seen, see
 from epuck_sim.embodied.sensors.sight import add_pair, list_labelled
 from epuck_sim.embodied.sensors.signals import perceives
-from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
+from epuck_sim.embodied.swarm import BYTE, Swarm, make_block, open_block, swarm_at
 from epuck_sim.scenario.embodied import TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.native import array_at
 
 
 class Scene(NamedTuple):
@@ -53,12 +54,12 @@ def place_robots(block: ByteArray, poses: FloatArray) -> None:
     sort_into_cells(block)
 
 
-def _with_room(write: Callable[..., int], *arrays: Any) -> Any:
+def with_room(write: Callable[..., int], *arrays: Any) -> Any:
     """Return arrays up to the rows that a function writes; it writes longer ones if these have too few rows."""
     count = write(*map(np.ravel, arrays))
     if count <= len(arrays[0]):
         return [array[:count] for array in arrays]
-    return _with_room(write, *(np.empty((count, array.shape[1]), array.dtype) for array in arrays))
+    return with_room(write, *(np.empty((count, array.shape[1]), array.dtype) for array in arrays))
 
 
 MANY_SEEN = 16  # number of robots in view for which there is room at first: hardly any robot sees more on average
@@ -82,7 +83,7 @@ def find_sightings(
             kernel = write_seen if group.signal.kind == "camera" else write_perceived
             write = partial(kernel, scene.block, number, poses, listed)
             room = min(poses.shape[1], MANY_SEEN) * len(poses) * group.count
-            parts += _with_room(write, np.empty((room, 3), np.int64))
+            parts += with_room(write, np.empty((room, 3), np.int64))
     found: IntArray = np.concatenate(parts)
     if len(scene.groups) > 1:
         found = found[np.argsort(found[:, 0], kind="stable")]
@@ -139,7 +140,7 @@ def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray
     of steps; and (contacts, 2) cm, points of contact: between the two robots' surfaces, or nearest on the other body.
     """
     room, write = len(poses) * poses.shape[1], partial(write_contacts, scene.block, poses)
-    found, points = _with_room(write, np.empty((room, 3), np.int64), np.empty((room, 2)))
+    found, points = with_room(write, np.empty((room, 3), np.int64), np.empty((room, 2)))
     return found, points
 
 
@@ -181,6 +182,53 @@ def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points:
                 if (touched[0] - x) ** 2 + (touched[1] - y) ** 2 <= reach * reach:
                     count = _add_contact(step, robot, -1, touched, found, points, count)
     return count
+
+
+@jit_no_alloc
+def observe_together(
+    block: ByteArray,
+    places: IntArray,
+    agents: IntArray,
+    infrared: int,
+    wheels: int,
+    poses: FloatArray,
+    seen: Float32Array,
+    contacts: IntArray,
+    found: IntArray,
+    points: FloatArray,
+) -> int:
+    """Write what agents of swarms observe, and how many bodies robots touch; for `places` see `loop.act_together`.
+
+    The columns of `seen`, (swarms, agents, columns), are pixels; from `infrared` on, readings as shares of the largest
+    one; from `wheels` on, both wheels as shares of their limit, and the ring. `contacts` are those of all robots,
+    (swarms, robots), at their `poses`. Return for how many `found` and `points` need room: see `write_contacts`.
+    """
+    most = 0
+    for number in range(len(places)):
+        own = array_at(block, places[number, 0], places[number, 0] + len(block), BYTE)
+        swarm, kind = swarm_at(own), 0
+        for agent in range(len(agents)):
+            robot, row = swarm.robots[agents[agent]], seen[number, agent]
+            while swarm.groups[kind].first + swarm.groups[kind].count <= agents[agent]:
+                kind += 1
+            group = swarm.groups[kind]
+            first = group.row + (agents[agent] - group.first) * group.pixels
+            for pixel in range(group.pixels):
+                row[pixel] = swarm.pixels[first + pixel]
+            for sensor in range(group.infrared.count):
+                share = robot.sensors.infrared[sensor] / group.infrared.peak_counts
+                row[infrared + sensor] = min(max(share, 0.0), 1.0)
+            limit = robot.wheel_limit_cm_s
+            row[wheels], row[wheels + 1] = robot.left_cm_s / limit, robot.right_cm_s / limit
+            row[wheels + 2] = robot.ring_on
+        count = write_contacts(own, poses[number : number + 1], found, points)
+        for touching in range(len(swarm.robots)):
+            contacts[number, touching] = 0
+        for place in range(min(3 * count, len(found))):
+            if place % 3 > 0 and found[place] >= 0:  # a robot; before each pair stands 0
+                contacts[number, found[place]] += 1
+        most = max(most, count)
+    return most
 
 
 @jit_no_alloc

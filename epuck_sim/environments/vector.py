@@ -6,6 +6,7 @@ call, or in one call for each thread.
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
@@ -17,7 +18,7 @@ from gymnasium.vector.utils import batch_space
 
 from epuck_sim.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from epuck_sim.embodied.loop import AT_WORK, DONE, act_together
-from epuck_sim.embodied.observers import find_contacts, make_scene
+from epuck_sim.embodied.observers import observe_together, with_room
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import READING, Step
 from epuck_sim.embodied.swarm import PIXELS
@@ -66,13 +67,15 @@ class AgentSpaces:
             raise ScenarioError(f"{name}: agents differ in what they drive, wheels or rings; allowed: all alike")
         whole = slice(self.robots[0], self.robots[-1] + 1)
         self.chosen = whole if np.ptp(self.robots) < len(self.robots) else self.robots  # slices are quicker
-        self.drives, self.flashes = bool(len(wheels)), bool(len(rings))
-        self._discrete = discrete
+        drives, flashes = len(wheels) > 0, len(rings) > 0
         has_phase = not np.isnan(simulation.period_ms[self.robots]).all()
         robot_kinds = simulation.scenario.robot_kinds
         kinds = [robot_kinds[robot] for robot in self.robots]
-        self._limits_cm_s = np.array([[kind.wheel_limit_cm_s] for kind in kinds])
-        self._peak_counts = np.array([[kind.infrared.peak_counts if kind.infrared else 1.0] for kind in kinds])
+        self._units = np.array([[kind.wheel_limit_cm_s] * 2 * drives + [1.0] * flashes for kind in kinds])
+        wheels_of = MOTIONS if drives else MOTIONS[:1, :0]
+        ring_of = np.array([[0.0], [1.0]]) if flashes else np.empty((1, 0))
+        motions = [[*wheels, *ring] for ring in ring_of for wheels in wheels_of]
+        self._motions = np.array(motions) if discrete else None  # (motions, numbers), in units as speeds are
         sensors = max(len(kind.infrared.sensors) if kind.infrared else 0 for kind in kinds)
         self._readings = {name: values[0].size for name, values in simulation.last_step.readings.items()}
         sizes = {
@@ -97,20 +100,23 @@ class AgentSpaces:
 
     def new_action_space(self) -> gymnasium.Space[Any]:
         """Return a space of the actions of one agent, with a generator of its own."""
-        if self._discrete:
-            return gymnasium.spaces.Discrete((len(MOTIONS) if self.drives else 1) * (2 if self.flashes else 1))
-        return gymnasium.spaces.Box(-1.0, 1.0, (2 * self.drives + self.flashes,), np.float32)
+        if self._motions is not None:
+            return gymnasium.spaces.Discrete(len(self._motions))
+        return gymnasium.spaces.Box(-1.0, 1.0, self._units[0].shape, np.float32)
 
-    def observe(self, situation: Situation, step: Step, camera: IntArray) -> Float32Array:
-        """Return (swarms, agents, columns) observations of agents; `step` and `camera` are those of all swarms."""
-        seen = np.empty((len(situation.poses), len(self.robots), *self.observation.shape), np.float32)
-        seen[..., self.fields["camera"]] = camera[:, self.chosen]
-        infrared = self.fields["infrared"]
-        if sensors := infrared.stop - infrared.start:
-            shares = step.infrared[:, self.chosen, :sensors] / self._peak_counts
-            seen[..., infrared] = np.minimum(np.maximum(shares, 0), 1)  # `numpy.clip` takes three times as long
-        seen[..., self.fields["wheels"]] = situation.wheels_cm_s[:, self.chosen] / self._limits_cm_s
-        seen[..., self.fields["ring"]] = situation.ring_on[:, self.chosen, None]
+    def observe(
+        self, block: ByteArray, places: IntArray, situation: Situation, step: Step
+    ) -> tuple[Float32Array, IntArray]:
+        """Return observations, (swarms, agents, columns), and how many bodies and walls each touches.
+
+        `step` is that of all swarms; for `block` and `places` see `act_together`.
+        """
+        swarms, robots = situation.ring_on.shape
+        seen = np.zeros((swarms, len(self.robots), *self.observation.shape), np.float32)
+        contacts = np.empty((swarms, robots), np.int64)
+        of_agents = self.robots, self.fields["infrared"].start, self.fields["wheels"].start
+        write = partial(observe_together, block, places, *of_agents, situation.poses, seen, contacts)
+        with_room(write, np.empty((robots, 3), np.int64), np.empty((robots, 2)))
         if "phase" in self.fields:
             angles = 2 * np.pi * situation.phase[:, self.chosen]
             seen[..., self.fields["phase"]] = np.nan_to_num(np.stack([np.cos(angles), np.sin(angles)], axis=-1))
@@ -118,32 +124,23 @@ class AgentSpaces:
             values = step.readings[name][:, self.chosen]
             flat = values.reshape(*values.shape[:2], size)
             seen[..., self.fields[READING + name]] = np.nan_to_num(flat, posinf=np.inf, neginf=-np.inf)
-        return seen
+        return seen, contacts[:, self.chosen]
 
-    def command(self, given: npt.NDArray[Any], actuators: npt.NDArray[np.void]) -> None:
-        """Set (swarms, robots) actuators as commanded by actions, (swarms, agents) or (swarms, agents, numbers)."""
+    def commands(self, given: npt.NDArray[Any]) -> FloatArray:
+        """Return (swarms, agents, numbers) wheels in cm/s, and whether rings are lit, for actions of the agents."""
         shape = self.action.shape or ()
         if given.shape[2:] != shape:
             raise ValueError(f"an agent's action has the shape {given.shape[2:]}; allowed: {shape}")
         numbers = given if given.dtype.kind in "biuf" else np.full(given.shape, np.nan)
         is_allowed, allowed = np.isfinite(numbers), "finite numbers"
-        if self._discrete:
-            count = int(self.action.n)  # type: ignore[attr-defined]
-            is_allowed = (numbers >= 0) & (numbers < count) & (numbers.dtype.kind in "iu")
-            allowed = f"whole numbers from 0 to {count - 1}"
+        if self._motions is not None:
+            is_allowed = (numbers >= 0) & (numbers < len(self._motions)) & (numbers.dtype.kind in "iu")
+            allowed = f"whole numbers from 0 to {len(self._motions) - 1}"
         if not is_allowed.all():
             raise ValueError(f"an agent's action has {given[~is_allowed][0]}; allowed: {allowed}")
-        if self._discrete:
-            motions = len(MOTIONS) if self.drives else 1
-            shares, lit = MOTIONS[given % motions], given // motions == 1
-        else:
-            shares, lit = given[..., :2], given[..., -1] > 0  # robots limit the speeds of their wheels
-        if self.drives:
-            wheels = self._limits_cm_s * shares
-            actuators["left_cm_s"][:, self.chosen] = wheels[..., 0]
-            actuators["right_cm_s"][:, self.chosen] = wheels[..., 1]
-        if self.flashes:
-            actuators["ring_on"][:, self.chosen] = lit
+        shares = given if self._motions is None else self._motions[given]  # robots limit the speeds of their wheels
+        commands: FloatArray = np.multiply(shares, self._units, dtype=np.float64, order="C")
+        return commands
 
 
 def vector_env(scenario: ScenarioLike, swarms: int, *, threads: int = 1, **task: Unpack[Task]) -> "SwarmVectorEnv":
@@ -204,8 +201,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_fields = self.spaces.fields
         """Columns of each part of an observation, as slices by name."""
-        self._scene = make_scene(first.scenario.robots, first.scenario.group_kinds, first.scenario.arena.build())
         self._oscillators_exist = not np.isnan(first.period_ms).all()
+        self._no_phases = np.full((self.swarms, first.scenario.robot_count), np.nan)
         if self._reward is synchrony and not self._oscillators_exist:
             raise ScenarioError(f"{first.scenario.name}: {NO_PHASES}")
         self.control_steps = whole("control_steps", control_steps)
@@ -229,9 +226,9 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self._steps_together = 0 if needs_python else self.control_steps
         self._memories = [simulation.memory for simulation in self.simulations]
         places = np.array([[each.ctypes.data for each in memory] for memory in self._memories])
-        self._copies = np.array([block[: swarm.scene[0].at[PIXELS + 1]] for block, _ in self._memories])
-        self._places, shown = places - places[0], (swarm.scene["step"], swarm.robots["actuators"], tuple(step))
-        numbers, self._actuators, beside = _side_by_side(shown, self._memories[0][0], self._copies)
+        self._copies = np.array([block[: swarm.scene[0].at[PIXELS]] for block, _ in self._memories])
+        self._places, shown = places - places[0], (swarm.scene["step"], tuple(step))
+        numbers, beside = _side_by_side(shown, self._memories[0][0], self._copies)
         self._numbers, self._step = numbers[:, 0], Step._make(beside)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -259,8 +256,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 self._masters[swarm], self._episodes[swarm] = each, -1
         self._begin(range(self.swarms))
         self._is_over[:] = False
-        situation = self.look()
-        return self._observe(situation), self._infos(situation)
+        return self._observe(self.look())
 
     def _begin(self, swarms: Sequence[int]) -> None:
         for swarm in swarms:
@@ -284,22 +280,20 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         given = np.asarray(actions)
         if given.shape[:1] != (self.num_envs,):
             raise ValueError(f"actions have the shape {given.shape}; allowed: {self.num_envs} rows, one for each agent")
-        resting = self._is_over.copy()
-        self.spaces.command(given.reshape(self.swarms, self.agents, *given.shape[1:]), self._actuators)
-        rests = resting.tolist()
-        shares = [[swarm for swarm in share if not rests[swarm]] for share in self._shares]
+        resting, rests = self._is_over, self._is_over.tolist()
+        commands = self.spaces.commands(given.reshape(self.swarms, self.agents, *given.shape[1:]))
+        outcomes = np.where(resting, DONE, AT_WORK)
         if self._pool is None:
-            for share in shares:
-                self._advance(share)
+            for share in self._shares:
+                self._advance(share, outcomes, commands)
         else:
-            working = [self._pool.submit(self._advance, share) for share in shares]
+            working = [self._pool.submit(self._advance, share, outcomes, commands) for share in self._shares]
             wait(working)  # even after an error: no thread may still run when the swarms begin anew
             for done in working:
                 done.result()
         self._begin([swarm for swarm in range(self.swarms) if rests[swarm]])
         situation = self.look()
-        # before users' functions change the arrays they get
-        observations, infos = self._observe(situation), self._infos(situation)
+        observations, infos = self._observe(situation)  # before users' functions change the arrays they get
         terminated = self._ends(situation) & ~resting
         rewards = _for_each_robot(self._reward(situation), situation, resting)[:, self.spaces.chosen]
         truncated = (self._numbers >= self._last_step) & ~resting
@@ -317,15 +311,19 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             raise ValueError(f"terminate returned {shape}; allowed: truth values, ({self.swarms},), one for each swarm")
         return np.broadcast_to(given, self.swarms)
 
-    def _advance(self, swarms: Sequence[int]) -> None:
-        """Have the robots of these swarms act, and take the steps for which actions hold."""
-        ends, outcomes = (self._numbers + (1 + self.control_steps)).tolist(), np.full(self.swarms, DONE)
-        outcomes[swarms] = AT_WORK
+    def _advance(self, share: range, outcomes: IntArray, commands: FloatArray) -> None:
+        """Have the robots of a share of the swarms act, and take the steps for which actions hold."""
+        ends, rests = (self._numbers + (1 + self.control_steps)).tolist(), self._is_over.tolist()
+        swarms = *self._memories[0], self._places, self._copies
+        how: tuple[Any, ...] = self._steps_together, share.start, share.step, self.spaces.robots, commands
         try:
-            act_together(*self._memories[0], self._places, self._copies, outcomes, self._steps_together)
+            act_together(*swarms, outcomes, *how)
         except BaseException as error:  # whatever a user's controller may raise
-            raise self.simulations[int(outcomes.argmin())].located(error) from error
-        for swarm, outcome in zip(swarms, outcomes[swarms].tolist(), strict=True):
+            at_work = next(swarm for swarm in share if outcomes[swarm] == AT_WORK)
+            raise self.simulations[at_work].located(error) from error
+        for swarm, outcome in zip(share, outcomes[share.start :: share.step].tolist(), strict=True):
+            if rests[swarm]:
+                continue
             simulation, watch = self.simulations[swarm], self._watches[swarm]
             simulation.conclude(outcome)
             if simulation.is_firing:
@@ -345,24 +343,22 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         """Return the places and states of all robots."""
         self._check_begun()
         first, step = self.simulations[0], self._step
-        copied = {name: getattr(step, name).copy() for name in ("poses", "wheels_cm_s", "ring_on", "movables")}
         return Situation(
             time_s=self._numbers * first.scenario.timing.step_ms / 1000,
-            phase=step.phase_ms / first.period_ms if self._oscillators_exist else np.full(step.ring_on.shape, np.nan),
+            poses=step.poses.copy(),
+            wheels_cm_s=step.wheels_cm_s.copy(),
+            ring_on=step.ring_on.copy(),
+            phase=step.phase_ms / first.period_ms if self._oscillators_exist else self._no_phases.copy(),
             width_cm=first.scenario.arena.width_cm,
             height_cm=first.scenario.arena.height_cm,
-            **copied,
+            movables=step.movables.copy(),
         )
 
-    def _observe(self, situation: Situation) -> Float32Array:
-        camera = self._step.camera
-        if camera.ndim == 2:  # rows differ in length, so that steps have padded copies
-            camera = np.stack([simulation.last_step.camera for simulation in self.simulations])
-        return self.spaces.observe(situation, self._step, camera).reshape(self.num_envs, -1)
-
-    def _infos(self, situation: Situation) -> dict[str, Any]:
-        """Return infos in Gymnasium's form for vectors: for each key an array, and a mask of agents that have it."""
-        found: dict[str, npt.NDArray[Any]] = {"contacts": self._contacts(situation)[:, self.spaces.chosen]}
+    def _observe(self, situation: Situation) -> tuple[Float32Array, dict[str, Any]]:
+        """Return observations, and infos as Gymnasium has them: for each key an array, and a mask of who has it."""
+        block, _ = self._memories[0]
+        observations, contacts = self.spaces.observe(block, self._places, situation, self._step)
+        found: dict[str, npt.NDArray[Any]] = {"contacts": contacts}
         if self._oscillators_exist:
             found["order_parameter"] = order_of(situation.phase)
         watches = self._watches.values()
@@ -370,19 +366,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             found["t_sync_cycles"] = np.array([watch.outcome.cycles for watch in watches])
             found["synchronised"] = np.array([watch.is_synchronised for watch in watches])
         values = {key: each.ravel() if each.ndim > 1 else np.repeat(each, self.agents) for key, each in found.items()}
-        return values | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in values}
-
-    def _contacts(self, situation: Situation) -> IntArray:
-        """Return (swarms, robots) how many robots, walls and other things each robot touches."""
-        if situation.movables.size:
-            pairs = [simulation.last_step.contacts for simulation in self.simulations]
-            touching = np.column_stack([np.repeat(range(len(pairs)), list(map(len, pairs))), np.concatenate(pairs)])
-        else:  # swarms differ in poses only, and are searched together
-            touching = find_contacts(self._scene, situation.poses)[0]
-        swarms, robots = situation.ring_on.shape
-        ends = touching[:, :1] * (robots + 1) + 1 + touching[:, 1:]  # column 0 is for all that is no robot
-        counts: IntArray = np.bincount(ends.ravel(), minlength=swarms * (robots + 1))
-        return counts.reshape(swarms, -1)[:, 1:]
+        masks = {f"_{key}": np.ones(self.num_envs, np.bool_) for key in values}
+        return observations.reshape(self.num_envs, -1), values | masks
 
     def close_extras(self, **_: Any) -> None:
         """End the threads; whoever goes on does so without."""
@@ -396,7 +381,7 @@ def _side_by_side(value: Any, block: ByteArray, copies: ByteArray) -> Any:
     if type(value) is tuple:
         return tuple(_side_by_side(each, block, copies) for each in value)
     first = value.ctypes.data - block.ctypes.data if isinstance(value, np.ndarray) else -1
-    if not 0 <= first < len(block):
+    if not 0 <= first < copies.shape[1]:
         return value
     return np.ndarray((len(copies), *value.shape), value.dtype, copies, first, (copies.strides[0], *value.strides))
 
@@ -425,12 +410,13 @@ def _commanded(simulation: Simulation) -> Simulation:
 def _for_each_robot(rewards: npt.ArrayLike, situation: Situation, resting: BoolArray) -> FloatArray:
     """Return (swarms, robots) rewards that were given for each robot, or for each swarm; 0 where swarms rest."""
     given, shape = np.asarray(rewards), situation.ring_on.shape
-    wrong = f"the shape {given.shape}"
     if given.dtype.kind not in "biuf":
         wrong = f"values of the type {given.dtype}"
-    elif given.shape in (shape, shape[:1]):
+    elif given.shape not in (shape, shape[:1]):
+        wrong = f"the shape {given.shape}"
+    else:
         counted = np.empty(shape)
-        counted[:] = given.reshape(len(given), -1)
+        counted.T[:] = given.T
         counted[resting] = 0.0
         if not np.isnan(counted).any():
             return counted
