@@ -12,18 +12,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies.chipmunk import move_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
 from epuck_sim.embodied.changes.schedule import blank, rest
-from epuck_sim.embodied.observers import MANY_SEEN, Scene, find_contacts, find_sightings, make_scene
+from epuck_sim.embodied.observers import MANY_SEEN, Scene, find_contacts, find_sightings
 from epuck_sim.embodied.own_sensors import OwnSensor
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.signals import perceive_flashes, receive_pulses
-from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, KEEP, PIXELS, Swarm, copy_array, swarm_at
+from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, KEEP, PIXELS, Swarm, copy_array, open_block, swarm_at
 from epuck_sim.embodied.user_code import GroupControllers
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
@@ -341,7 +340,8 @@ class Stretch:
         if self.kept is None:
             return find_sightings(self.scene, self.poses, self.present, self.ring_before)
         found: IntArray = self.kept[self.present[self.kept[:, 1]]]
-        return found - (self.first, 0, 0)
+        found[:, 0] -= self.first
+        return found
 
     @cached_property
     def views(self) -> IntArray:
@@ -390,8 +390,8 @@ def record_steps(
 class History:
     """Takes steps of a simulation's control loop in one arena, and records them for measures."""
 
-    def __init__(self, scenario: EmbodiedScenario, scene: Scene, loop: ControlLoop, arena: Arena) -> None:
-        self._loop, self._arena, self._block, swarm = loop, arena, scene.block, scene.swarm
+    def __init__(self, scene: Scene, loop: ControlLoop) -> None:
+        self._loop, self._block, swarm = loop, scene.block, scene.swarm
         self._present: BoolArray = swarm.robots.present
         robots, places = len(swarm.robots), []
         self._arrays: tuple[Any, ...] = (
@@ -407,8 +407,10 @@ class History:
         record: Any = record_steps
         in_python = {"take_steps": loop.take_steps, "swarm_at": lambda _: swarm}
         self._record = record if loop.is_compiled else bind(record.function, **in_python)
-        self._scene = make_scene(scenario.robots, scenario.group_kinds, arena)
-        signals = {group.signal.kind for group in scenario.robots}  # others do not look for all rings
+        copy = scene.block.copy()  # in which observers put robots where they were
+        self._scene = Scene(scene.groups, copy, open_block(copy))
+        self._circles = [each.view(np.ndarray) for each in (self._scene.swarm.circles, swarm.circles)]  # quicker
+        signals = {group.signal.kind for group in scene.groups}  # others do not look for all rings
         self._can_keep = signals <= {"camera", "radio"} and not swarm.scene[0].hides_flashes
 
     def take(self, steps: int) -> int:
@@ -418,9 +420,7 @@ class History:
 
     def stretch(self, first: int, steps: int) -> Stretch:
         """Return the steps just taken: this number of them, from step `first` on."""
-        circles, arena = self._scene.swarm.circles, self._arena
-        if arena.first_movable < len(circles):
-            circles["x"], circles["y"], circles["radius"] = arena.circles.T
+        self._circles[0][:] = self._circles[1]  # movables move
         kept = self._loop.kept
         are_all = len(kept) and 3 * kept[0] <= kept[1]
         found = kept[2 : 2 + 3 * kept[0]].reshape(-1, 3) if are_all else None

@@ -284,7 +284,7 @@ class Simulation:
         first = self.steps
         steps = self._unchanged(first + whole("steps", steps))  # in an arena that may be new
         if self._history is None:
-            self._history = History(self.scenario, self._scene, self._loop, self.last_step.arena)
+            self._history = History(self._scene, self._loop)
         has_movables = self._arena.first_movable < len(self._arena.circles)
         self._run(1 if has_movables else steps, True, self._history)
         return self._history.stretch(first, self.steps - first)

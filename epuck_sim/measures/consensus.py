@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import BoolArray, IntArray
 from epuck_sim.measures.common import Series, allowed, check_sight, one_of
 from epuck_sim.particles.simulation import SHIFTS_ONLY
+from epuck_sim.util.jit import jit
 
 RULES = ("naming_game", "voter")
 
@@ -33,8 +34,9 @@ class _Talk(Series):
         self._random = np.random.default_rng([self.simulation.seed, STREAM])
         self.knows = [{word} for word in range(population)]  # the words that each robot or agent knows
         self._dark: IntArray = np.zeros(population, np.int64)  # steps in which each ring was dark: tells flashes apart
-        # by sender, its last flash that was seen: dark steps before it, the word that it carries, and who heard it
-        self._flashes: dict[int, tuple[int, int, set[int]]] = {}
+        robots = population if self.has_bodies else 0
+        self._heard: IntArray = np.full((robots, robots), -1)  # last flash of [speaker] that [hearer] saw
+        self._said: dict[int, tuple[int, int]] = {}  # by speaker, its last flash that was seen, and the word it carries
         self._agreed: int | None = None  # the first cycle in which all agree
         self._cycles = 0
 
@@ -52,7 +54,7 @@ class _Talk(Series):
     def say(self, speaker: int) -> int:
         """Return one of the words that the speaker knows, drawn at random."""
         known = sorted(self.knows[speaker])
-        return known[self._random.integers(len(known))]
+        return known[self._random.integers(len(known)) if len(known) > 1 else 0]  # which of one is not drawn
 
     def hear(self, hearer: int, word: int) -> None:
         """Update the words that a hearer knows."""
@@ -61,21 +63,17 @@ class _Talk(Series):
         self.knows[hearer].add(word)
 
     def stretch(self, stretch: Any, state: Any) -> None:
-        dark = self._dark + np.cumsum(~stretch.ring_before, axis=0)
-        step, hearers, speakers = stretch.sightings.T
-        heard = np.array([hearers, speakers, dark[step, speakers]])
-        last = np.searchsorted(step, len(dark) - 1)  # first row of the last step, in which the reference may fire
-        for rows, cycles in ((heard[:, :last], self._cycles), (heard[:, last:], state.cycles)):
-            for hearer, speaker, flash in zip(*rows.tolist(), strict=True):
-                if self._flashes.get(speaker, (-1,))[0] != flash:
-                    self._flashes[speaker] = flash, self.say(speaker), set()
-                _, word, told = self._flashes[speaker]
-                if hearer not in told:
-                    told.add(hearer)
-                    self.hear(hearer, word)
+        heard = begin_flashes(self._heard, self._dark, stretch.sightings, stretch.ring_before)
+        # first row of the last step, in which the reference may fire
+        last = np.searchsorted(heard[:, 0], len(stretch.ring_before) - 1)
+        for rows, cycles in ((heard[:last], self._cycles), (heard[last:], state.cycles)):
+            for _, hearer, speaker, flash in rows.tolist():
+                if self._said.get(speaker, (-1,))[0] != flash:
+                    self._said[speaker] = flash, self.say(speaker)
+                self.hear(hearer, self._said[speaker][1])
             if rows.size:
                 self._note(cycles)
-        self._dark, self._cycles = dark[-1], state.cycles
+        self._cycles = state.cycles
 
     def _note(self, cycles: int) -> None:
         if self._agreed is None and self.words == 1:
@@ -90,6 +88,28 @@ class _Talk(Series):
                 word, last = self.say(speaker), speaker
             self.hear(hearer, word)
         self._note(state.cycles)
+
+
+@jit
+def begin_flashes(heard: IntArray, dark: IntArray, sightings: IntArray, is_lit: BoolArray) -> IntArray:
+    """Return (n, 4) those sightings of a `Stretch` in which the observer first sees a flash, and the flash's number.
+
+    Updates `heard`, (robots, robots) the last flash that each saw of each other, and `dark`, (robots,) steps without
+    light so far, which number flashes. `is_lit` are (steps, robots) rings that show lit.
+    """
+    found, count, row = np.empty((len(sightings), 4), np.int64), 0, 0
+    for step in range(len(is_lit)):
+        for robot in range(len(dark)):
+            dark[robot] += not is_lit[step, robot]
+        while row < len(sightings) and sightings[row, 0] == step:
+            hearer, speaker = sightings[row, 1], sightings[row, 2]
+            if heard[hearer, speaker] != dark[speaker]:
+                heard[hearer, speaker] = dark[speaker]
+                found[count, 0], found[count, 1] = step, hearer
+                found[count, 2], found[count, 3] = speaker, dark[speaker]
+                count += 1
+            row += 1
+    return found[:count]
 
 
 class Consensus(_Talk):

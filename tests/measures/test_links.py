@@ -212,7 +212,7 @@ def test_consensus_is_when_one_word_is_left():
 
 @pytest.mark.parametrize(("step", "cycles"), [(1, 4), (2, 5)])
 def test_a_flash_tells_each_that_sees_it_one_word_once_and_a_new_cycle_may_begin_in_the_last_step(step, cycles) -> None:
-    talk = Consensus(SimpleNamespace(scenario=SimpleNamespace(population=3), seed=0))
+    talk = Consensus(SimpleNamespace(scenario=SimpleNamespace(population=3, model="embodied"), seed=0))
 
     def look(is_lit: list[bool], *sightings: tuple[int, int, int], cycles: int) -> None:
         rings = np.array([[each, False, False] for each in is_lit])
