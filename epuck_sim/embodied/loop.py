@@ -186,24 +186,21 @@ def act_together(
     addresses: IntArray,
     places: IntArray,
     copies: ByteArray,
-    outcomes: IntArray,
+    swarms: IntArray,
     steps: int,
-    first: int,
-    apart: int,
     agents: IntArray,
     commands: FloatArray,
 ) -> None:
-    """Take steps, until the reference fires, of each swarm whose outcome is `AT_WORK`, and write the new outcomes.
+    """Take steps, until the reference fires, of swarms by their numbers, in whose place their outcomes are written.
 
-    The swarms are the `first` one and those so far `apart`. Before, the robots that are agents carry out commands,
-    (swarms, agents, numbers): left and right wheel in cm/s if there are two or more, and whether the ring is lit, above
-    0, if there are one or three. A row of `copies` holds the beginning of a swarm's block, and is updated at the end. A
-    row of `places` has the offsets in bytes of a swarm's block and addresses from those of the first swarm.
+    Before, agents carry out commands, (swarms, agents, numbers): left and right wheel in cm/s if there are two or more,
+    and whether the ring is lit, above 0, if there are one or three. A row of `copies` holds the beginning of a swarm's
+    block, and is updated at the end. A row of `places` has the offsets in bytes of a swarm's block and addresses from
+    those of the first swarm.
     """
     numbers = commands.shape[2]
-    for swarm in range(first, len(places), apart):
-        if outcomes[swarm] != AT_WORK:
-            continue
+    for place in range(len(swarms)):
+        swarm, swarms[place] = swarms[place], AT_WORK
         own = array_at(block, places[swarm, 0], places[swarm, 0] + len(block), BYTE)
         calls = array_at(addresses, places[swarm, 1], places[swarm, 1] + 8 * len(addresses), INT64)
         copy = array_at(copies, swarm * copies.shape[1], (swarm + 1) * copies.shape[1], BYTE)
@@ -214,7 +211,7 @@ def act_together(
             if numbers != 2:
                 actuators.ring_on = commands[swarm, agent, numbers - 1] > 0.0
         act_again(own, calls)
-        outcomes[swarm] = take_steps(own, calls, steps, True)
+        swarms[place] = take_steps(own, calls, steps, True)
         copy_array(array_at(own, 0, len(copy), INT64), array_at(copy, 0, len(copy), INT64))
 
 

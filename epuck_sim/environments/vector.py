@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from epuck_sim.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
-from epuck_sim.embodied.loop import AT_WORK, DONE, act_together
+from epuck_sim.embodied.loop import act_together
 from epuck_sim.embodied.observers import observe_together, with_room
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import READING, Step
@@ -107,7 +107,7 @@ class AgentSpaces:
     def observe(
         self, block: ByteArray, places: IntArray, situation: Situation, step: Step
     ) -> tuple[Float32Array, IntArray]:
-        """Return observations, (swarms, agents, columns), and how many bodies and walls each touches.
+        """Return (swarms * agents, columns) observations, and (swarms, agents) how many bodies and walls each touches.
 
         `step` is that of all swarms; for `block` and `places` see `act_together`.
         """
@@ -124,7 +124,7 @@ class AgentSpaces:
             values = step.readings[name][:, self.chosen]
             flat = values.reshape(*values.shape[:2], size)
             seen[..., self.fields[READING + name]] = np.nan_to_num(flat, posinf=np.inf, neginf=-np.inf)
-        return seen, contacts[:, self.chosen]
+        return seen.reshape(-1, seen.shape[2]), contacts[:, self.chosen]
 
     def commands(self, given: npt.NDArray[Any]) -> FloatArray:
         """Return (swarms, agents, numbers) wheels in cm/s, and whether rings are lit, for actions of the agents."""
@@ -282,12 +282,12 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             raise ValueError(f"actions have the shape {given.shape}; allowed: {self.num_envs} rows, one for each agent")
         resting, rests = self._is_over, self._is_over.tolist()
         commands = self.spaces.commands(given.reshape(self.swarms, self.agents, *given.shape[1:]))
-        outcomes = np.where(resting, DONE, AT_WORK)
+        shares = [[swarm for swarm in share if not rests[swarm]] for share in self._shares]
         if self._pool is None:
-            for share in self._shares:
-                self._advance(share, outcomes, commands)
+            for share in shares:
+                self._advance(share, commands)
         else:
-            working = [self._pool.submit(self._advance, share, outcomes, commands) for share in self._shares]
+            working = [self._pool.submit(self._advance, share, commands) for share in shares]
             wait(working)  # even after an error: no thread may still run when the swarms begin anew
             for done in working:
                 done.result()
@@ -311,19 +311,15 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             raise ValueError(f"terminate returned {shape}; allowed: truth values, ({self.swarms},), one for each swarm")
         return np.broadcast_to(given, self.swarms)
 
-    def _advance(self, share: range, outcomes: IntArray, commands: FloatArray) -> None:
-        """Have the robots of a share of the swarms act, and take the steps for which actions hold."""
-        ends, rests = (self._numbers + (1 + self.control_steps)).tolist(), self._is_over.tolist()
-        swarms = *self._memories[0], self._places, self._copies
-        how: tuple[Any, ...] = self._steps_together, share.start, share.step, self.spaces.robots, commands
+    def _advance(self, swarms: Sequence[int], commands: FloatArray) -> None:
+        """Have the robots of these swarms act, and take the steps for which actions hold."""
+        ends, outcomes = (self._numbers + (1 + self.control_steps)).tolist(), np.array(swarms, np.int64)
+        how: tuple[Any, ...] = self._steps_together, self.spaces.robots, commands
         try:
-            act_together(*swarms, outcomes, *how)
+            act_together(*self._memories[0], self._places, self._copies, outcomes, *how)
         except BaseException as error:  # whatever a user's controller may raise
-            at_work = next(swarm for swarm in share if outcomes[swarm] == AT_WORK)
-            raise self.simulations[at_work].located(error) from error
-        for swarm, outcome in zip(share, outcomes[share.start :: share.step].tolist(), strict=True):
-            if rests[swarm]:
-                continue
+            raise self.simulations[swarms[int(outcomes.argmin())]].located(error) from error
+        for swarm, outcome in zip(swarms, outcomes.tolist(), strict=True):
             simulation, watch = self.simulations[swarm], self._watches[swarm]
             simulation.conclude(outcome)
             if simulation.is_firing:
@@ -366,8 +362,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             found["t_sync_cycles"] = np.array([watch.outcome.cycles for watch in watches])
             found["synchronised"] = np.array([watch.is_synchronised for watch in watches])
         values = {key: each.ravel() if each.ndim > 1 else np.repeat(each, self.agents) for key, each in found.items()}
-        masks = {f"_{key}": np.ones(self.num_envs, np.bool_) for key in values}
-        return observations.reshape(self.num_envs, -1), values | masks
+        return observations, values | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in values}
 
     def close_extras(self, **_: Any) -> None:
         """End the threads; whoever goes on does so without."""

@@ -9,10 +9,6 @@ from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
-from epuck_sim.arrays import IntArray
-
 
 @dataclass
 class Shipped:
@@ -91,8 +87,3 @@ def check_sight(scenario: Any, _: Any) -> None:
             raise ValueError(f"robots.{number}.signal.kind is 'radio'; allowed where sight is measured: any other")
     if scenario.model == "particles" and scenario.neighbourhood.kind == "random":
         raise ValueError("neighbourhood.kind is 'random'; allowed where receivers are measured: any other")
-
-
-def rows_of_steps(found: IntArray, stretch: Any) -> IntArray:
-    """Return (steps + 1,) rows of `found` at which the steps of a stretch begin, and the end of the last step."""
-    return np.searchsorted(found[:, 0], np.arange(len(stretch.poses) + 1))

@@ -63,9 +63,9 @@ class _Talk(Series):
         self.knows[hearer].add(word)
 
     def stretch(self, stretch: Any, state: Any) -> None:
-        heard = begin_flashes(self._heard, self._dark, stretch.sightings, stretch.ring_before)
-        # first row of the last step, in which the reference may fire
-        last = np.searchsorted(heard[:, 0], len(stretch.ring_before) - 1)
+        flashes = begin_flashes(self._heard, self._dark, stretch.sightings, stretch.ring_before)
+        heard = np.column_stack([stretch.sightings, flashes])[flashes >= 0]
+        last = np.searchsorted(heard[:, 0], len(stretch.ring_before) - 1)  # first row of when the reference may fire
         for rows, cycles in ((heard[:last], self._cycles), (heard[last:], state.cycles)):
             for _, hearer, speaker, flash in rows.tolist():
                 if self._said.get(speaker, (-1,))[0] != flash:
@@ -92,24 +92,21 @@ class _Talk(Series):
 
 @jit
 def begin_flashes(heard: IntArray, dark: IntArray, sightings: IntArray, is_lit: BoolArray) -> IntArray:
-    """Return (n, 4) those sightings of a `Stretch` in which the observer first sees a flash, and the flash's number.
+    """Return (sightings,) the number of the flash where the observer first sees it, else -1.
 
     Updates `heard`, (robots, robots) the last flash that each saw of each other, and `dark`, (robots,) steps without
     light so far, which number flashes. `is_lit` are (steps, robots) rings that show lit.
     """
-    found, count, row = np.empty((len(sightings), 4), np.int64), 0, 0
+    begun, row = np.full(len(sightings), -1), 0
     for step in range(len(is_lit)):
         for robot in range(len(dark)):
             dark[robot] += not is_lit[step, robot]
         while row < len(sightings) and sightings[row, 0] == step:
             hearer, speaker = sightings[row, 1], sightings[row, 2]
             if heard[hearer, speaker] != dark[speaker]:
-                heard[hearer, speaker] = dark[speaker]
-                found[count, 0], found[count, 1] = step, hearer
-                found[count, 2], found[count, 3] = speaker, dark[speaker]
-                count += 1
+                heard[hearer, speaker] = begun[row] = dark[speaker]
             row += 1
-    return found[:count]
+    return begun
 
 
 class Consensus(_Talk):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.measures.common import ABOVE_0, Share, Shipped, allowed, check_sight, rows_of_steps, share
+from epuck_sim.measures.common import ABOVE_0, Share, Shipped, allowed, check_sight, share
 from epuck_sim.util.jit import jit
 
 HALF_A_MILLISECOND = 0.0005  # tolerance in seconds for rounding in the sum of many control steps
@@ -46,22 +46,18 @@ class _FlashViews(Shipped):
         self._counts: IntArray = np.zeros(3, np.int64)  # flashes times others: all, in view, in view in several steps
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        sightings = stretch.sightings, rows_of_steps(stretch.sightings, stretch)
-        count_views(self._views, self._seen, self._counts, *sightings, stretch.ring_on)
+        count_views(self._views, self._seen, self._counts, stretch.sightings, stretch.ring_on)
 
 
 @jit
-def count_views(
-    views: IntArray, seen: BoolArray, counts: IntArray, sightings: IntArray, ends: IntArray, ring_on: BoolArray
-) -> None:
+def count_views(views: IntArray, seen: BoolArray, counts: IntArray, sightings: IntArray, ring_on: BoolArray) -> None:
     """Count the views of flashes in the steps of a `Stretch`; a flash is over when its ring can no longer be seen.
 
     Updates `views`, (robots, robots) steps in which the flash of each robot is in view of each other; `seen`, (2,
     robots) rings that can be seen in a step, and in the step before; and `counts`, (3,) pairs of a flash that is over
-    and another robot: all, in view, in view in several steps. A step sees rings as `ring_on` (steps, robots) has them
-    in the step before; its sightings begin at its row in `ends` (steps + 1,).
+    and another robot: all, in view, in view in several steps. A ring that is on, (steps, robots), shows a step later.
     """
-    shows, showed = seen
+    (shows, showed), row = seen, 0
     for step in range(len(ring_on)):
         for robot in range(len(shows)):
             if not showed[robot] or shows[robot]:
@@ -71,8 +67,9 @@ def count_views(
                 counts[1] += views[robot, other] > 0
                 counts[2] += views[robot, other] > 1
                 views[robot, other] = 0
-        for row in range(ends[step], ends[step + 1]):
+        while row < len(sightings) and sightings[row, 0] == step:
             views[sightings[row, 2], sightings[row, 1]] += 1
+            row += 1
         showed[:] = shows
         shows[:] = ring_on[step]
 
@@ -115,7 +112,7 @@ class _Suspicion(Shipped):
         self._silent, self._found = np.full((2, robots), -1)
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        steps, views = len(stretch.poses), stretch.views
+        steps = len(stretch.poses)
         faults = np.tile(self._faults, (steps, 1))
         for event in self.simulation.events[self._events :]:
             kind, _, change = event.what.partition(" ")
@@ -123,7 +120,7 @@ class _Suspicion(Shipped):
                 faults[event.step - stretch.first :, list(event.robots)] += 1 if change == "begins" else -1
         self._events = len(self.simulation.events)
         states = self._dark_s, self._suspects, self._silent, self._found
-        seen = views, rows_of_steps(views, stretch), stretch.ring_before, faults
+        seen = stretch.views, stretch.ring_before, faults
         self._alarms += watch(*states, self.cycles * self._period_s, self._step_s, *seen, stretch.first)
         self._steps += steps
         self._faults = faults[-1]
@@ -138,25 +135,24 @@ def watch(
     patience_s: FloatArray,
     step_s: float,
     views: IntArray,
-    ends: IntArray,
     is_lit: BoolArray,
     faults: IntArray,
     first: int,
 ) -> int:
     """Update suspicions in the steps of a `Stretch`, from step `first` on; return how many begin of robots that flash.
 
-    Updates the states of a `_Suspicion`. `patience_s` is (robots,). `views` are those of the stretch; those of each
-    step begin at its row in `ends` (steps + 1,). `is_lit` are (steps, robots) rings that show lit, and `faults` numbers
-    of faults that keep them dark.
+    Updates the states of a `_Suspicion`. `patience_s` is (robots,). `views` are those of the stretch, `is_lit` (steps,
+    robots) rings that show lit, and `faults` numbers of faults that keep them dark.
     """
-    alarms = 0
+    alarms = row = 0
     for step in range(len(is_lit)):
-        for row in range(ends[step], ends[step + 1]):
+        while row < len(views) and views[row, 0] == step:
             robot, other = views[row, 1], views[row, 2]
             dark_s[robot, other] = 0.0 if is_lit[step, other] else dark_s[robot, other] + step_s
             is_suspect = dark_s[robot, other] >= patience_s[robot] - HALF_A_MILLISECOND
             alarms += is_suspect and not suspects[robot, other] and not faults[step, other]
             suspects[robot, other] = is_suspect
+            row += 1
         for robot in range(len(found)):
             if faults[step, robot]:
                 silent[robot] = first + step if silent[robot] < 0 else silent[robot]

@@ -202,16 +202,12 @@ def fail_actuators(block: ByteArray, _addresses: IntArray, _number: int) -> None
 def hide_flashes(block: ByteArray, _addresses: IntArray, robot: int) -> None:
     """Label robots in the scratch numbers: 1 if the ring is lit and no fault hides it from `robot`, 0 for others."""
     swarm = swarm_at(block)
-    robots = len(swarm.robots)
-    is_blind = has_fault(swarm.robots[robot], CAMERA_BLIND)
+    robots, here = len(swarm.robots), swarm.robots[robot]
     for sender in range(robots):
-        is_seen = swarm.robots[sender].ring_on and not is_blind and not _misses(swarm, robot, sender)
+        to = swarm.robots[sender]
+        is_seen = to.ring_on and not has_fault(here, CAMERA_BLIND)
+        if is_seen:
+            dx, dy = to.x - here.x, to.y - here.y
+            distance_cm = np.sqrt(dx * dx + dy * dy)
+            is_seen = not misses(swarm.faults, swarm.affected, robot, distance_cm, sender, to.flash_number)
         swarm.numbers[robots + sender] = int(is_seen)
-
-
-@jit_no_alloc
-def _misses(swarm: Swarm, robot: int, sender: int) -> bool:
-    to, here = swarm.robots[sender], swarm.robots[robot]
-    dx, dy = to.x - here.x, to.y - here.y
-    distance_cm = np.sqrt(dx * dx + dy * dy)
-    return misses(swarm.faults, swarm.affected, robot, distance_cm, sender, to.flash_number)
