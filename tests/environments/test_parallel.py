@@ -120,7 +120,7 @@ def test_infos_tell_of_the_trial_as_an_observer_of_it_is_told(control_steps):
 
 
 def test_infos_count_what_each_robot_touches():
-    places = [[3.7, 3.7, 0], [11.1, 3.7, 0], [40, 40, 0]]  # in a row from a corner, more contacts than robots, and apart
+    places = [[3.7, 3.7, 0], [11.1, 3.7, 0], [40, 40, 0]]  # in a row from a corner, with more contacts than robots
     env = parallel_env({"robots": [{"controller": "external", "poses": places}]})
     assert [infos["contacts"] for infos in env.reset()[1].values()] == [3, 2, 0]
     assert all(infos.keys() == {"contacts"} for infos in env.reset()[1].values())  # nobody is an oscillator
