@@ -202,7 +202,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self.observation_fields = self.spaces.fields
         """Columns of each part of an observation, as slices by name."""
         self._oscillators_exist = not np.isnan(first.period_ms).all()
-        self._no_phases = np.full((self.swarms, first.scenario.robot_count), np.nan)
+        self._no_phases = np.full((self.swarms, first.scenario.population), np.nan)
         if self._reward is synchrony and not self._oscillators_exist:
             raise ScenarioError(f"{first.scenario.name}: {NO_PHASES}")
         self.control_steps = whole("control_steps", control_steps)
