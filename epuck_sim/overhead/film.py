@@ -7,7 +7,9 @@ frames; the spread of a histogram in seconds needs the true times.
 import json
 import math
 import re
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from fractions import Fraction
 from itertools import chain
@@ -203,11 +205,13 @@ def _colours(picture: VideoFrame, reformatter: VideoReformatter) -> Iterable[Lig
     """Return red, green and blue, which come apart in half the time that they take pixel by pixel."""
     if picture.width % WHOLE_PX:
         return np.moveaxis(reformatter.reformat(picture, format="rgb24", threads=1).to_ndarray(), -1, 0)
-    planes = [memoryview(plane) for plane in reformatter.reformat(picture, format="gbrp", threads=1).planes]
-    green, blue, red = (
-        np.frombuffer(plane, np.uint8).reshape(picture.height, -1)[:, : picture.width] for plane in planes
-    )
-    return red, green, blue
+    return _planes(reformatter.reformat(picture, format="gbrp", threads=1))
+
+
+def _planes(picture: VideoFrame) -> list[Light]:
+    """Return red, green and blue of a picture that holds them apart, where they are in memory."""
+    green, blue, red = (np.frombuffer(memoryview(plane), np.uint8) for plane in picture.planes)
+    return [colour.reshape(picture.height, -1)[:, : picture.width] for colour in (red, green, blue)]
 
 
 def _file_for_ffmpeg(path: str) -> tuple[str, dict[str, str]]:
@@ -281,6 +285,8 @@ a crf of 22 is finer than 24, and rings are nearer to those of the frames (0.07 
 `ultrafast` takes 0.6 of the time, but its rings are 8 % off in size, from which scales follow.
 """
 
+WAITING = 8  # most pictures that wait for the encoder: it goes on in the dark, where they are made faster than encoded
+
 CLOCK = {"movie_timescale": str(TICKS_PER_S)}  # gives the time of the first frame the resolution of the others
 WHOLE = {"movflags": "+faststart"}
 """Options of an MP4 file whose index comes first: a browser can play it before it has fetched all of it."""
@@ -291,32 +297,54 @@ GROWING = {"movflags": "+empty_moov+default_base_moof", "frag_duration": "500000
 class FilmWriter:
     """Writes frames into the file of a film; `film_file` makes one."""
 
-    has_frames = False  # whether a frame was written
+    has_frames = False  # whether a frame was encoded
 
-    def __init__(self, container: OutputContainer, size_px: tuple[int, int]) -> None:
+    def __init__(self, container: OutputContainer, encoder: ThreadPoolExecutor, size_px: tuple[int, int]) -> None:
         self._last_tick = -1
         self._keyframe_s = -math.inf
-        self._container, self.stream = container, container.add_stream("libx264", options=ENCODER_OPTIONS)
-        self.stream.width, self.stream.height = size_px
-        self.stream.pix_fmt = "yuv420p"
-        codec = self.stream.codec_context
-        self.stream.time_base = codec.time_base = Fraction(1, TICKS_PER_S)
+        self._reformatter, self._encoder, self._has_failed = VideoReformatter(), encoder, False
+        self._waiting: deque[Future[None]] = deque()
+        self._container, self._stream = container, container.add_stream("libx264", options=ENCODER_OPTIONS)
+        self._stream.width, self._stream.height = size_px
+        self._stream.pix_fmt = "yuv420p"
+        codec = self._stream.codec_context
+        self._stream.time_base = codec.time_base = Fraction(1, TICKS_PER_S)
         codec.thread_count = 1  # so that the same frames give the same file
         # the conversion to luma and chroma, stated because players would assume BT.709 for large pictures
         codec.colorspace, codec.color_range = Colorspace.ITU601, ColorRange.MPEG
 
     def write(self, frame: Frame) -> None:
-        """Add a frame that is later than all frames before it."""
-        picture = av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(frame.picture), format="rgb24")
+        """Add a frame that is later than all frames before it; raise what the encoding of one before it raised."""
+        colours = frame.colours
+        picture = VideoFrame(colours[0].shape[1], len(colours[0]), "gbrp")  # converted faster than pixel by pixel
+        for plane, colour in zip(_planes(picture), colours, strict=True):
+            plane[:] = colour
+        if len(self._waiting) == WAITING and not self._waiting[0].done():  # or else the encoder converts it
+            picture = self._reformatter.reformat(picture, format="yuv420p", threads=1)
         # frames closer than a tick still get increasing time stamps
         self._last_tick = max(round(frame.time_s * TICKS_PER_S), self._last_tick + 1)
         picture.pts, picture.time_base = self._last_tick, Fraction(1, TICKS_PER_S)
         if frame.time_s - self._keyframe_s >= KEYFRAME_INTERVAL_S:
             picture.pict_type = PictureType.I
             self._keyframe_s = frame.time_s
-        self.has_frames = False  # until the frame is encoded: if that fails, FFmpeg would crash at the end
-        self._container.mux(self.stream.encode(picture))
-        self.has_frames = True
+        if len(self._waiting) == WAITING:
+            self._waiting.popleft().result()
+        self._waiting.append(self._encoder.submit(self._encode, picture))
+
+    def finish(self) -> None:
+        """Wait until all frames are in the file; raise what their encoding raised."""
+        self._encoder.shutdown()  # waits also for a picture that Ctrl-C kept from the queue
+        for encoded in self._waiting:
+            encoded.result()
+        if self.has_frames:  # or FFmpeg would crash
+            self._encode(None)
+
+    def _encode(self, picture: VideoFrame | None) -> None:
+        """Write a picture, or what the encoder still holds, unless that has failed before: FFmpeg would crash."""
+        if not self._has_failed:
+            self._has_failed = True  # until it is written
+            self._container.mux(self._stream.encode(picture))
+            self._has_failed, self.has_frames = False, True
 
 
 @contextmanager
@@ -337,14 +365,14 @@ def film_file(
     check_target(path)
     with nullcontext(path) if grows else temporary_path(path) as part:
         try:
-            with av.open(part, "w", format="mp4", options=CLOCK | (GROWING if grows else WHOLE)) as container:
+            options = CLOCK | (GROWING if grows else WHOLE)
+            with av.open(part, "w", format="mp4", options=options) as container, ThreadPoolExecutor(1) as encoder:
                 container.metadata.update({"title": title, "comment": json.dumps(description)})
-                writer = FilmWriter(container, (width_px, height_px))
+                writer = FilmWriter(container, encoder, (width_px, height_px))
                 try:
                     yield writer
                 finally:
-                    if writer.has_frames:  # or FFmpeg would crash
-                        container.mux(writer.stream.encode())
+                    writer.finish()
         except FFmpegError as error:
             raise FilmError(f"{path}: cannot be written: {error.strerror}") from error
         if not grows and not writer.has_frames:

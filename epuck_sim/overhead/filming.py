@@ -306,7 +306,7 @@ class VirtualCamera:
             self._frames += 1
             samples = [self._sample(begin_s + (part + 0.5) / SAMPLES * self._exposure_s) for part in range(SAMPLES)]
             is_lit = self._section.light == "lit" or begin_s < self._section.lit_start_s - TIME_TOLERANCE_S
-            yield Frame(begin_s, self._renderer.render(samples, room_is_lit=is_lit))
+            yield Frame(begin_s, colours=self._renderer.render(samples, room_is_lit=is_lit))
             next_s = self._frames / self._section.frames_per_s
             while len(self._steps) > 1 and self._steps[1][0] <= next_s:
                 self._steps.popleft()

@@ -22,7 +22,7 @@ from epuck_sim import epuck
 from epuck_sim.arena import Arena, brightness_at
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.geometry import contains
-from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
+from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Frame, Light, Picture, overhead_camera
 from epuck_sim.overhead.tags import tag_dictionary, tag_modules
 from epuck_sim.scenario.arena import OverheadSection
 from epuck_sim.scenario.embodied import EmbodiedScenario, largest_cm
@@ -110,24 +110,26 @@ class Renderer:
         self._arena = self._first_arena = arena
         self._random = np.random.default_rng(seed)
         drawn = self._random.standard_normal(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.float32)
-        self._noise: npt.NDArray[np.int16] = np.rint(section.noise_levels * drawn).astype(np.int16)
+        noise = np.rint(section.noise_levels * drawn[:-1]).astype(np.int16)
+        self._noise = np.ascontiguousarray(noise.reshape(-1, 3).T)
         self._dark = np.clip(self._noise, 0, 255).astype(np.uint8)  # pictures without light
+        self._dark.flags.writeable = False
 
-    def render(self, samples: Sequence[ExposureSample], *, room_is_lit: bool) -> Picture:
-        """Return the picture of one exposure, to which all samples contribute equally.
+    def render(self, samples: Sequence[ExposureSample], *, room_is_lit: bool) -> list[Light]:
+        """Return red, green and blue of one exposure, to which all samples contribute equally.
 
         A lit room is as bright in a long exposure as in a short one, as if its lamps were dimmed; rings get brighter.
         """
         ambient = 1.0 if room_is_lit else self._section.ambient
         if not ambient and not any(sample.ring_on.any() for sample in samples):
-            return self._next(self._dark).copy()
+            return self._next(self._dark)
         light = self._through_lens(self._rings(samples))
         channels = [levels * light for levels in COLOUR_LEVELS]
         if ambient:
             grey = np.float32(ambient) * self._through_lens(self._scene(samples))
             channels = [grey + channel for channel in channels]
-        noisy = cv2.add(cv2.merge(channels), self._next(self._noise), dtype=cv2.CV_8U)  # rounds, and clips to 0..255
-        return np.asarray(noisy, np.uint8)
+        noisy = zip(channels, self._next(self._noise), strict=True)
+        return [np.asarray(cv2.add(*pair, dtype=cv2.CV_8U), np.uint8) for pair in noisy]  # rounds, and clips to 0..255
 
     def _robots(self, sample: ExposureSample) -> FloatArray:
         count = len(sample.poses)
@@ -182,14 +184,14 @@ class Renderer:
             image = np.asarray(blurred, np.float32)
         return self._dimming * image
 
-    def _next(self, table: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return (rows, columns, 3) levels: a noise table from a random place on.
+    def _next(self, table: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
+        """Return three (rows, columns) levels: the columns of a noise table, taken in turn, from a random place on.
 
         Drawing new numbers for each picture would take longer than all the rest.
         """
-        rows, columns = self._room.shape
         first = self._random.integers(NOISE_OFFSETS)
-        return table[first : first + rows * columns * 3].reshape(rows, columns, 3)
+        places = (divmod(first + colour, 3) for colour in range(3))
+        return [table[part, begin : begin + self._room.size].reshape(self._room.shape) for begin, part in places]
 
 
 class ArenaView:
@@ -237,7 +239,7 @@ class ArenaView:
         """
         places = self._movables if movables is None else np.asarray(movables)
         sample = ExposureSample(np.asarray(poses), np.asarray(ring_on, np.bool_), places, arena)
-        return self._renderer.render([sample], room_is_lit=True)
+        return Frame(0.0, colours=self._renderer.render([sample], room_is_lit=True)).picture
 
 
 def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:

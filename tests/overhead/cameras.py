@@ -47,7 +47,11 @@ def shot(
 ) -> tuple[CameraModel, Picture]:
     """Return a camera without faults but those given, and its picture of robots, in the dark or in a lit room."""
     camera, renderer = make_renderer(arena, **CLEAN | settings)
-    return camera, renderer.render(standing(*poses, lit=lit), room_is_lit=room)
+    return camera, painted(renderer, standing(*poses, lit=lit), room)
+
+
+def painted(renderer: Renderer, samples: list[ExposureSample], room: bool) -> Picture:
+    return Frame(0.0, colours=renderer.render(samples, room_is_lit=room)).picture
 
 
 @cache
@@ -65,7 +69,7 @@ def picture_of(
     poses = np.column_stack([places, np.random.default_rng(0).uniform(0, math.tau, len(places))])
     on = np.broadcast_to(lit * np.asarray(shares, float), len(poses)) * PARTS
     samples = [ExposureSample(poses, part < on) for part in range(PARTS)]
-    picture = empty_arena(**settings)[1].render(samples, room_is_lit=room)
+    picture = painted(empty_arena(**settings)[1], samples, room)
     return webcam.sent(picture, quality) if quality else picture
 
 

@@ -70,7 +70,7 @@ def shoot(times_s: FloatArray, ring_on: BoolArray, lit_until_s: float = 0.0, **s
     for time_s, on in zip(times_s.tolist(), ring_on, strict=True):
         is_lit = time_s < lit_until_s
         sample = ExposureSample(poses, on & (not is_lit))
-        frames.append(Frame(time_s, renderer.render([sample], room_is_lit=is_lit or is_always_lit)))
+        frames.append(Frame(time_s, colours=renderer.render([sample], room_is_lit=is_lit or is_always_lit)))
     return frames
 
 

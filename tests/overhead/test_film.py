@@ -3,6 +3,7 @@
 import itertools
 import json
 import struct
+import threading
 import weakref
 from collections.abc import Iterator
 from fractions import Fraction
@@ -18,7 +19,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.camera import Frame, Picture
-from epuck_sim.overhead.film import KEYFRAME_INTERVAL_S, TICKS_PER_S, FilmClock, film_file, open_film
+from epuck_sim.overhead.film import KEYFRAME_INTERVAL_S, TICKS_PER_S, FilmClock, FilmWriter, film_file, open_film
 from tests.overhead import films as kit
 from tests.overhead.films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
 from tests.tools import no_file_larger_than
@@ -260,6 +261,7 @@ def write(path: Path, frames: list[Frame], description: dict[str, Any] = DESCRIP
     with film_file(path, *SIDE, description, title) as film:
         for frame in frames:
             film.write(frame)
+            frame.picture[:] = 0  # what becomes of it while the encoder still works does not matter
     return path
 
 
@@ -318,19 +320,30 @@ def test_what_is_no_film_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("frames", [0, 80])
 def test_nothing_is_left_after_an_error(tmp_path: Path, frames: int, capfd: pytest.CaptureFixture[str]) -> None:
-    before = write(tmp_path / "film.mp4", noise(2)).read_bytes()
+    before, threads = write(tmp_path / "film.mp4", noise(2)).read_bytes(), threading.active_count()
     with pytest.raises(LookupError), film_file(tmp_path / "film.mp4", *SIDE, {}) as film:  # noqa: PT012 after frames
         for frame in noise(frames):
             film.write(frame)
         raise LookupError
     assert [file.name for file in tmp_path.iterdir()] == ["film.mp4"]
     assert (tmp_path / "film.mp4").read_bytes() == before  # an older film stays
+    assert threading.active_count() == threads
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("room", [0, 20_000])
-def test_full_disk_is_reported(tmp_path: Path, room: int) -> None:
+@pytest.mark.parametrize(("room", "frames"), [(0, 80), (5_000, 5), (20_000, 80)])  # fewer than may wait, and more
+def test_full_disk_is_reported_and_no_thread_stays(tmp_path: Path, room: int, frames: int) -> None:
+    threads = threading.active_count()
     refusal = pytest.raises(EpuckSimError, match=r"film\.mp4: cannot be written: \w+")
     with no_file_larger_than(room), refusal:
-        write(tmp_path / "film.mp4", noise(80))
+        write(tmp_path / "film.mp4", noise(frames))
+    assert not list(tmp_path.iterdir())
+    assert threading.active_count() == threads
+
+
+@pytest.mark.parametrize("frames", [5, 80])
+def test_what_the_encoder_raises_is_raised_where_frames_are_written(tmp_path: Path, monkeypatch, frames: int) -> None:
+    monkeypatch.setattr(FilmWriter, "_encode", lambda _, picture: picture and 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write(tmp_path / "film.mp4", noise(frames))
     assert not list(tmp_path.iterdir())

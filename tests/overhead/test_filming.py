@@ -30,7 +30,7 @@ from epuck_sim.scenario.arena import OverheadSection
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
-from tests.overhead.cameras import ARENA, CLEAN, EMPTY, make_renderer, pixel_at, shot, standing
+from tests.overhead.cameras import ARENA, CLEAN, EMPTY, make_renderer, painted, pixel_at, shot, standing
 from tests.overhead.films import frames_and_description, passed, read_rings, score_rows
 
 SEED = 4  # with which flashes last two control steps each, and hardly overlap
@@ -195,7 +195,7 @@ def spied(monkeypatch: pytest.MonkeyPatch) -> Spied:
 
     def note(samples: Any, *, room_is_lit: bool) -> Any:
         asked.append((list(samples), room_is_lit))
-        return np.zeros((2, 2, 3), np.uint8)
+        return 3 * [np.zeros((2, 2), np.uint8)]
 
     monkeypatch.setattr(filming, "Renderer", lambda *_: asked.clear() or SimpleNamespace(render=note))
     return asked
@@ -298,7 +298,7 @@ def test_brightness_is_that_of_the_formula_at_each_pixel() -> None:
         camera, renderer = make_renderer(EMPTY, **section.model_dump())
         expected = slow_picture(camera, samples, section)
         assert expected.max() > 100, given_settings
-        off = np.abs(renderer.render(samples, room_is_lit=False) - expected).max()
+        off = np.abs(painted(renderer, samples, False) - expected).max()
         assert off < 0.6 + 0.5 * 2 * bool(section.bloom), given_settings
 
 
@@ -316,7 +316,7 @@ def test_vignetting_darkens_the_corners_blur_keeps_the_light_and_the_dark_is_noi
     assert math.sqrt((above.astype(float) ** 2).mean()) == pytest.approx(4.2, abs=0.1)
     assert not shot((20, 20, 0), lit=False)[1].any()
     _, noisy = make_renderer(**CLEAN | {"noise_levels": 10.0})
-    shots = [noisy.render(standing(), room_is_lit=True).astype(float) for _ in range(2)]
+    shots = [painted(noisy, standing(), True).astype(float) for _ in range(2)]
     floor = (slice(150, 330), slice(150, 330))
     rest = (shots[0] - shot(room=True)[1])[floor]
     assert rest.std() == pytest.approx(10, rel=0.03)
@@ -325,7 +325,7 @@ def test_vignetting_darkens_the_corners_blur_keeps_the_light_and_the_dark_is_noi
 
     def drawn(seed: int) -> list[bytes]:
         _, renderer = make_renderer(seed=seed, width_px=120, height_px=120)
-        return [renderer.render(standing((20, 20, 1)), room_is_lit=room).tobytes() for room in (True, False, False)]
+        return [painted(renderer, standing((20, 20, 1)), room).tobytes() for room in (True, False, False)]
 
     assert drawn(3) == drawn(3)
     assert drawn(3) != drawn(4)

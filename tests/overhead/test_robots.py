@@ -23,7 +23,7 @@ from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.robots import Robots, find_robots, order_of_shares
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.track import Track
-from tests.overhead.cameras import make_renderer
+from tests.overhead.cameras import make_renderer, painted
 from tests.overhead.films import TRACK, even
 from tests.runs.made_folders import rows
 
@@ -165,7 +165,7 @@ def test_tags_are_read_where_robots_are_and_gathered() -> None:
         settings = {"width_px": 240, "height_px": 240, "tags": "4X4_50", "ambient": 0.2, "tilt_deg": tilt_deg}
         camera, renderer = make_renderer(make_arena(36, 36, [], []), **settings)
         samples = [ExposureSample(POSES, np.isin(range(4), lit))]
-        picture = renderer.render(samples, room_is_lit=in_the_light)
+        picture = painted(renderer, samples, in_the_light)
         reader = TagReader(camera, "4X4_50")
         reader.read(Frame(0.0, picture))
         found = reader.readings(0.0)
