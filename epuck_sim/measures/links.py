@@ -6,6 +6,7 @@ lit in a step of the cycle. A link is stored as one number: the sender times the
 links of a batch of cycles are ascending: each cycle adds the square of the population to those of the one before.
 """
 
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -211,11 +212,16 @@ class SpanningTime(Links):
     _cycles, _together = 0, NO_LINKS
 
     def take(self, links: IntArray, cycles: int) -> None:
-        for row in range(0 if self._cycles else cycles):
-            self._together = np.union1d(self._together, self.of_rows(links, row, row + 1))
-            if len(component_sizes(self._together, self._population, self.connection)[0]) == 1:
-                self._cycles = self._passed + row + 1
-                return
+        if self._cycles:
+            return
+
+        def is_joined(row: int) -> bool:
+            together = np.union1d(self._together, self.of_rows(links, 0, row + 1))
+            return len(component_sizes(together, self._population, self.connection)[0]) == 1
+
+        row = bisect_left(range(cycles), True, key=is_joined)  # links only join more
+        self._together = np.union1d(self._together, self.of_rows(links, 0, cycles))
+        self._cycles = self._passed + row + 1 if row < cycles else 0
 
     def value(self) -> int | None:
         """Return the number of cycles; None if the trial ends before."""
