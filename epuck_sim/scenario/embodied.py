@@ -4,6 +4,7 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -13,14 +14,7 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import ArenaSection, OverheadSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
-from epuck_sim.scenario.changes import (
-    AnyFault,
-    RobotScheduleEntry,
-    SensorDead,
-    check_changes,
-    concerns,
-    notes_on_faults,
-)
+from epuck_sim.scenario.changes import AnyFault, RobotScheduleEntry, check_changes, concerns, notes_on_faults
 from epuck_sim.scenario.robot_kind import RobotKind, check_readings, sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group, resolve_parameters
 from epuck_sim.scenario.scenario import ORDER_PARAMETER, Scenario, StopSection
@@ -171,38 +165,22 @@ class EmbodiedScenario(Scenario):
     def _check_together(self) -> None:
         if not self.population:
             raise ValueError("robots: has no robot; allowed: at least one in all groups, such as [{count: 10}]")
-        reference = self.stop.reference_robot
-        check_range("stop.reference_robot", reference, 0, self.population - 1)
         for number, group in enumerate(self.robots):
             key, control_hz = f"robots.{number}.camera.frames_per_s", self.timing.control_hz
             check_range(key, group.camera.frames_per_s, 0.1, control_hz, " (timing.control_hz)")
-        check_changes(self.faults, self.schedule, "robot", self.population)
-        self._check_faults()
-        self._check_schedule()
-        if not self.present[reference]:
-            said = f"stop.reference_robot is {reference}, which is not present at the start"
-            raise ValueError(f"{said}; allowed: a robot of a group with present: true, as its firings are counted")
+        if not any(re.fullmatch(r"robots(\.\d+(\.(count|present))?)?", key) for key in self.swept):
+            self._check_numbers()  # else they are known at each point only
         check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
         tags = self.overhead.tags
         if tags is not None and self.population > int(tags.partition("_")[2]):
             raise ValueError(f"overhead.tags is {tags!r}, which has too few tags for {self.population} robots")
 
-    def _check_faults(self) -> None:
-        for number, fault in enumerate(self.faults):
-            where = f"faults.{number}"
-            if isinstance(fault, SensorDead) and fault.sensor not in self.sensor_names:
-                own = comma_list(self.sensor_names)
-                raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
-            for place, group, robots in members(self.robots):
-                if fault.changes == "flashes" and group.signal.kind == "radio" and concerns(fault.robots, robots):
-                    said = f"kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio"
-                    raise ValueError(f"{where}: {said}; give the numbers of others in robots, or robots.*.signal.loss")
-                is_named = fault.robots is not None and concerns(fault.robots, robots)
-                if isinstance(fault, SensorDead) and is_named and fault.sensor not in group.sensors:
-                    raise ValueError(f"{where}: names robots of robots.{place}, which has no sensor {fault.sensor}")
-
-    def _check_schedule(self) -> None:
+    def _check_numbers(self) -> None:
+        """Raise ValueError for numbers of robots, or of groups, that there are not, or that do not fit."""
         reference = self.stop.reference_robot
+        check_range("stop.reference_robot", reference, 0, self.population - 1)
+        check_changes(self.faults, self.schedule, "robot", self.population)
+        self._check_faults()
         for number, entry in enumerate(self.schedule):
             origin = f"schedule.{number}"
             for group, _ in entry.parameters():
@@ -210,6 +188,23 @@ class EmbodiedScenario(Scenario):
             if reference in entry.remove:
                 said = f"{reference} is the reference, whose firings are counted, and must stay"
                 raise ValueError(f"{origin}.remove: {said}; remove others, or give another stop.reference_robot")
+        if not self.present[reference]:
+            said = f"stop.reference_robot is {reference}, which is not present at the start"
+            raise ValueError(f"{said}; allowed: a robot of a group with present: true, as its firings are counted")
+
+    def _check_faults(self) -> None:
+        for number, fault in enumerate(self.faults):
+            where = f"faults.{number}"
+            if fault.kind == "sensor_dead" and fault.sensor not in self.sensor_names:
+                own = comma_list(self.sensor_names)
+                raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
+            for place, group, robots in members(self.robots):
+                if fault.changes == "flashes" and group.signal.kind == "radio" and concerns(fault.robots, robots):
+                    said = f"kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio"
+                    raise ValueError(f"{where}: {said}; give the numbers of others in robots, or robots.*.signal.loss")
+                is_named = fault.robots is not None and concerns(fault.robots, robots)
+                if fault.kind == "sensor_dead" and is_named and fault.sensor not in group.sensors:
+                    raise ValueError(f"{where}: names robots of robots.{place}, which has no sensor {fault.sensor}")
 
     @property
     def group_kinds(self) -> tuple[RobotKind, ...]:
@@ -256,18 +251,18 @@ class EmbodiedScenario(Scenario):
     @property
     def has_t_sync(self) -> bool:
         """See `Scenario.has_t_sync`: by a threshold only if the reference is an oscillator."""
-        return self.stop.gives_t_sync or (super().has_t_sync and self._has_reference())
+        return self.stop.gives_t_sync or (super().has_t_sync and self.has_reference)
 
     @property
     def notes(self) -> list[str]:
         """Notes of `Scenario.notes`, and those on trials without T_sync and on changes that never happen."""
         stop, found, limit_s = self.stop, super().notes, self.stop.max_time_s
         is_limited = stop.order_parameter is None or "max_time_s" in stop.model_fields_set
-        if not is_limited and not self._has_reference():
+        if not is_limited and not self.has_reference:
             ends = f"{stop.max_cycles} cycles of 5 s" if limit_s is None else f"{limit_s:g} simulated seconds"
             said = f"robot {stop.reference_robot} is no oscillator, so trials have no T_sync; they end after {ends}"
             found.append(f"{said}; for another limit: --set stop.max_time_s=3600")
-        awaited = {} if self._has_reference() else self.conditions
+        awaited = {} if self.has_reference else self.conditions
         never = f"never holds: order is measured at firings of robot {stop.reference_robot}, which is no oscillator"
         found += [f"{key} {never}" for key, (each, _) in awaited.items() if each.measure == ORDER_PARAMETER]
         for number, group in enumerate(() if self.sweep else self.robots):
@@ -280,7 +275,7 @@ class EmbodiedScenario(Scenario):
             said = f"masses of robots differ by a factor of {ratio:.3g}: heavier ones press others into walls"
             found.append(f"{said}; keep them within {MOST_MASS_RATIO:g}")
         moved = {robot for entry in self.schedule for robot in entry.remove}
-        for number, entry in enumerate(self.schedule):
+        for number, entry in enumerate(() if self.sweep else self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
                 found.append(f"schedule.{number}.add: in the arena all the time: {', '.join(map(str, always))}")
         return [*found, *notes_on_faults(self.faults, self.schedule, "robot", stop.reference_robot)]
@@ -300,11 +295,9 @@ class EmbodiedScenario(Scenario):
     def scale_keys(self) -> tuple[str, ...]:
         """Dotted keys of the values on which `scales`, and the speed, depend."""
         groups = [f"robots.{number}" for number in range(len(self.robots))]
-        return (
-            *("arena.width_cm", "arena.height_cm"),
-            *(f"{group}.{key}" for group in groups for key in ("count", "parameters.speed_cm_s")),
-            *(f"{groups[0]}.parameters.{name}" for name in ("coupling", "period_s")),
-        )
+        of_groups = (f"{group}.{key}" for group in groups for key in ("count", "parameters.speed_cm_s"))
+        oscillator = (f"{groups[0]}.parameters.{name}" for name in ("coupling", "period_s"))
+        return ("arena.width_cm", "arena.height_cm", *of_groups, *oscillator)
 
     @property
     def camera_pixels(self) -> int:
@@ -325,7 +318,7 @@ class EmbodiedScenario(Scenario):
         with refused_at(f"{origin}: arena.floor.picture"):
             picture = floor.picture and find_picture(floor.picture, folder)
         arena = self.arena.model_copy(update={"floor": floor.model_copy(update={"picture": picture})})
-        if not found._has_reference():
+        if not found.has_reference:
             stop = stop.limited(max((each.at_s or 0.0 for each in (*self.schedule, *self.faults)), default=0.0))
         found = found.model_copy(update={"arena": arena, "stop": stop})
         found = super(EmbodiedScenario, found).resolved(origin, folder)
@@ -363,9 +356,9 @@ class EmbodiedScenario(Scenario):
         for number, entry in sorted(enumerate(self.schedule), key=lambda numbered: numbered[1].at_s or 0.0):
             present = list(at_first) if entry.at_s is None else timed
             for (place, sensor), values in entry.parameters().items():
-                group, where = self.robots[place], f"{origin}: schedule.{number}.set: robots.{place}"
                 if self._is_swept(place, "sensors" if sensor else "controller"):
                     continue
+                group, where = self.robots[place], f"{origin}: schedule.{number}.set: robots.{place}"
                 if sensor is not None:
                     sensor_parameters(group.sensors, sensor, values, f"{where}.sensors")
                 else:
@@ -393,11 +386,14 @@ class EmbodiedScenario(Scenario):
             others = self.model_dump(include={"robot", "robots", "timing", "stop"})
             self.validated({**others, "arena": arena}, f"{origin}.{number}.set")
 
-    def _has_reference(self) -> bool:
-        """Return whether the reference is an oscillator, or may be one at a point of a sweep."""
-        reference = self.stop.reference_robot
-        place, group = next((place, group) for place, group, numbers in members(self.robots) if reference in numbers)
-        return self._is_swept(place, "controller") or find_controller(group.controller).is_oscillator
+    @property
+    def has_reference(self) -> bool:
+        """Whether the reference is an oscillator, or may be one at a point of a sweep; else a cycle is 5 s long."""
+        return all(
+            self._is_swept(place, "controller") or find_controller(group.controller).is_oscillator
+            for place, group, robots in members(self.robots)
+            if self.stop.reference_robot in robots
+        )
 
 
 STAYING = {"movables", "floor", "lamps"}  # keys of the arena that no schedule changes

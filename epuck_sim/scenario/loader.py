@@ -18,7 +18,7 @@ from epuck_sim.measures.measure import find_measure
 from epuck_sim.scenario import keys
 from epuck_sim.scenario.arena import find_picture
 from epuck_sim.scenario.axes import SweepAxes, canonical_text
-from epuck_sim.scenario.base import refused_at, whole_key_of
+from epuck_sim.scenario.base import refused_at, section_classes, whole_key_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_curve
 from epuck_sim.scenario.robot_kind import ROBOT, are_groups, with_robots
@@ -132,7 +132,7 @@ def load_scenario(
     for setting in settings:
         option = f"--set {setting}"
         typed, value = keys.parse_setting(setting)
-        for key in _full_keys(given, typed, option, origin, folder, parsed):
+        for key in _full_keys(given, typed, value, option, origin, folder, parsed):
             if re.match(r"robots\.\d+\.sensors\.", key):  # a key in a sensor, and sensors may be given as a list
                 given = with_robots(given, origin, folder)
             given = keys.set_value(given, key, value, option, folder)
@@ -140,7 +140,7 @@ def load_scenario(
     _reject_endings(given, origin, folder)
     swept: list[str] = []
     for axis, (typed, values) in zip(axes, parsed, strict=True):
-        found = _full_keys(given, typed, f"--sweep {axis}", origin, folder)
+        found = _full_keys(given, typed, values, f"--sweep {axis}", origin, folder)
         given = keys.add_axis(given, found, values, f"--sweep {axis}")
         swept.extend(f"sweep {key}={axis.partition('=')[2]}" for key in found)
     typed_at = {"--measure": measures, "--set": settings, "--sweep": axes}
@@ -223,6 +223,7 @@ def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -
 def _full_keys(
     given: Mapping[str, Any],
     typed: str,
+    value: Any,
     where: str,
     origin: str,
     folder: Path | None,
@@ -233,13 +234,19 @@ def _full_keys(
     kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
     if typed == "sensors" and are_groups(groups := given.get("robots") or ()) and len(groups) > 1:
         warnings.warn(f"{where}: sensors stands for those of all {len(groups)} groups of robots", stacklevel=3)
-    if kind is None or typed == "sensors" or typed.partition(".")[0] in kind.model_fields:
+    if kind is None or typed == "sensors":
+        return [typed]
+    field = kind.model_fields.get(typed.partition(".")[0])
+    several = value if isinstance(value, list | tuple) else [value]
+    is_number = any(isinstance(each, int | float) and not isinstance(each, bool) for each in several)
+    # a section takes no numbers: a parameter that is named like it is meant
+    if field and not (is_number and typed in kind.model_fields and section_classes(field.annotation)):
         return [typed]
     at_points = _with_controllers(given, [*_dotted(given.get("sweep"), *SweepAxes.model_fields), *axes])
     known = [key for each in at_points for key in kind.all_keys(with_robots(each, origin, folder), folder)]
-    found = keys.full_keys(typed, [*dict.fromkeys(known)], where)
+    found = keys.full_keys(typed, [key for key in dict.fromkeys(known) if key != typed], where)
     found = found or keys.full_keys(typed, keys.keys_of_measures(given, typed, folder), where)
-    if len(found) > 1 and where.startswith("--"):  # a file is refused
+    if (len(found) > 1 or (found and field)) and where.startswith("--"):  # a file is refused
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
     if found:
         return found
@@ -262,8 +269,8 @@ def _with_controllers(given: Mapping[str, Any], axes: Iterable[tuple[Any, Any]])
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
     """Raise ScenarioError for a dotted key in a file that is the ending of one: endings are for typing only."""
     for section, *parts in ("sweep", *SweepAxes.model_fields), ("schedule", "set"):
-        for key, _ in _dotted(given.get(section), *parts):
-            found = _full_keys(given, str(key), f"{origin}: {section}", origin, folder)
+        for key, value in _dotted(given.get(section), *parts):
+            found = _full_keys(given, str(key), value, f"{origin}: {section}", origin, folder)
             if found != [str(key)]:
                 raise ScenarioError(f"{origin}: {section}: {whole_key_of(key, found)}")
 

@@ -377,8 +377,7 @@ class ParticleScenario(Scenario):
     stop: ParticleStop = ParticleStop.model_construct()
 
     def _check_together(self) -> None:
-        others = self.agents.count - 1
-        agents, period_s = self.agents, self.clocks.period_s
+        agents, others, period_s = self.agents, self.agents.count - 1, self.clocks.period_s
         fastest_cm_s = MOST_SIDES * self.space.side_cm / period_s
         check_range("agents.speed_cm_s", agents.speed_cm_s, 0, fastest_cm_s, f", {MOST_SIDES} sides a period")
         why = f", up to {MOST_RUNS} runs a period"
@@ -392,7 +391,8 @@ class ParticleScenario(Scenario):
             if self.agents.speed_per_run and "agents.speed_cm_s" in entry.set:
                 said = "agents.speed_cm_s cannot change where agents.speed_per_run is true"
                 raise ValueError(f"schedule.{number}.set: {said}; leave one of them out")
-        check_changes(self.faults, self.schedule, "agent", self.agents.count)
+        if {"agents", "agents.count"}.isdisjoint(self.swept):  # else each point is checked
+            check_changes(self.faults, self.schedule, "agent", self.agents.count)
         for number, fault in enumerate(self.faults):
             if fault.kind in NOT_OF_AGENTS:
                 why = NOT_OF_AGENTS[fault.kind]

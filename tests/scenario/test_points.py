@@ -287,7 +287,7 @@ def test_a_grid_shuffled_listed_or_zipped_and_with_other_numbers_has_the_same_ke
         assert seeds(load_scenario({"sweep": sweep})) == seeds(scenario)
 
 
-def test_words_sections_and_parameters_of_swept_controllers_can_be_axes_too() -> None:
+def test_words_sections_conditions_and_parameters_of_swept_controllers_can_be_axes_too() -> None:
     off, on, some = points({"sweep": {"grid": {"noise": ["off", "on", {"wheel_speed": 0.1}]}}})
     assert [point.scenario.noise.wheel_speed for point in (off, on, some)] == [0, 0.05, 0.1]
     grid = {CONTROLLER: ["oscillator", "firefly"], "robots.0.parameters.period_s": [5, 8]}
@@ -306,6 +306,17 @@ def test_words_sections_and_parameters_of_swept_controllers_can_be_axes_too() ->
     drives, later = [{"controller": "constant", "count": 2}], {"at_s": 1, "set": {"robots.0.parameters.left_cm_s": 2}}
     for grid in ({"robots.0": drives}, {"robots": [drives]}):  # the scenario's own controller has no such parameter
         assert points({"schedule": [later], "sweep": {"grid": grid}})[0].scenario.schedule[0].set == later["set"]
+    for base, robots in (  # what only the points have
+        ({"stop": {"reference_robot": 12}}, [{"count": 20}]),
+        ({"schedule": [{"at_s": 1, "remove": [12]}, {"at_s": 2, "add": [12]}]}, [{"count": 20}]),
+        ({"schedule": [{"at_s": 1, "set": {"robots.1.parameters.coupling": 0}}]}, [{"count": 2}, {"count": 3}]),
+    ):
+        assert points(swept := load_scenario({**base, "sweep": {"grid": {"robots": [robots]}}}))[0].axes
+        assert (swept.notes, swept.has_t_sync) == ([], True)
+    waits = {"measures": ["near_walls"], "stop": {"when": "near_walls < 0.25"}}
+    for key, typed in (("stop.when.value", "0.1,0.2"), ("stop.when", "near_walls < 0.1,near_walls < 0.2")):
+        found = points(load_scenario(waits, axes=[f"{key}={typed}"]))
+        assert [str(point.scenario.stop.when) for point in found] == ["near_walls < 0.1", "near_walls < 0.2"]
     narrows = {"robots": [{"count": 1, "signal": {"kind": "radio"}}], "schedule": [{"at_s": 1, "set": {WIDTH: 5}}]}
     assert points({**narrows, "sweep": {"grid": {"robot": ["kilobot"]}}})  # e-pucks are wider than 5 cm
 

@@ -228,14 +228,6 @@ def test_a_condition_is_read_from_text_or_a_mapping_and_written_again(model, wri
     assert again(found) == found
 
 
-def test_the_value_of_a_condition_and_the_whole_of_it_can_be_swept():
-    base = {"measures": ["near_walls"], "stop": {"when": "near_walls < 0.25"}}
-    found = points(load_scenario(base, axes=["stop.when.value=0.1,0.2"]))
-    assert [str(point.scenario.stop.when) for point in found] == ["near_walls < 0.1", "near_walls < 0.2"]
-    found = points(load_scenario(base, axes=["stop.when=near_walls > 0.1,near_walls >= 0.2"]))
-    assert [str(point.scenario.stop.when) for point in found] == ["near_walls > 0.1", "near_walls >= 0.2"]
-
-
 @given(st.sampled_from([">", ">=", "<", "<="]), st.integers(-2, 2), st.integers(-2, 2))
 def test_a_condition_holds_as_python_says(relation, value, limit):
     condition = Condition(measure="x", relation=relation, value=limit)
