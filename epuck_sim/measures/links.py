@@ -84,10 +84,8 @@ class NeighbourChange(Links, Series):
         if not self._passed:
             self._series.append(None)
         before, after, kept = self.compare(links, cycles)
-        either = before + after - kept
-        self._series += [
-            1 - both / any_of if any_of else None for both, any_of in zip(kept.tolist(), either.tolist(), strict=True)
-        ]
+        pairs = zip(kept.tolist(), (before + after - kept).tolist(), strict=True)
+        self._series += [1 - both / either if either else None for both, either in pairs]
 
 
 class LinkLife(Links, Share):

@@ -36,7 +36,10 @@ CYCLE_METHOD = "cycle"  # method that is called at every firing of the reference
 AT_ONCE = {"step": "stretch", CYCLE_METHOD: "batch"}
 """Methods that are called with many steps or firings in a row, by those in whose place they are called."""
 
-CALLED = (*EVENT_METHODS, CYCLE_METHOD, *AT_ONCE.values(), "value", "check", "check_scenario")
+TAKES: dict[str, tuple[str, ...]] = {each: ("self", each, "state") for each in (*EVENT_METHODS, *AT_ONCE.values())}
+TAKES |= {CYCLE_METHOD: TAKES["event"], "value": ("self",)}  # what the methods take that trials call
+
+CALLED = (*TAKES, "check", "check_scenario")
 """All methods that are called, if a measure has them."""
 
 
@@ -71,10 +74,9 @@ class Measure:
             return
         methods = [method for method in EVENT_METHODS if self.told_by(method)]
         if methods and event_method not in methods:
-            raise ValueError(
-                f"{self.name} has a method {methods[0]}, for {EVENT_METHODS[methods[0]]}; model: {model} calls "
-                f"{event_method}, for {EVENT_METHODS[event_method]}"
-            )
+            has = f"has a method {methods[0]}, for {EVENT_METHODS[methods[0]]}"
+            calls = f"model: {model} calls {event_method}, for {EVENT_METHODS[event_method]}"
+            raise ValueError(f"{self.name} {has}; {calls}")
 
     def check_scenario(self, scenario: Any, parameters: Mapping[str, Parameter]) -> None:
         """Raise ValueError if it cannot, with these parameters, measure trials of a resolved scenario."""
@@ -167,7 +169,8 @@ def _load(place: Place) -> PythonFile:
 def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
     """Return the measure of this name in a file, or its only one, under the name by which a package offers it.
 
-    Its measures are classes with a method `value`, or else public functions of a simulation; a name may give others.
+    Its measures are classes with a method `value`, and public functions of a simulation, of which others are helpers
+    if it uses them itself; a name may give any.
     """
     own = {
         name: value
@@ -182,7 +185,9 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
             fitting[name] = default_parameters(value)
     known = classes | fitting
     if not (chosen := member):
-        found = classes or fitting or functions
+        source = file.sources[file.path].decode(errors="replace")
+        unused = {name: each for name, each in fitting.items() if len(re.findall(rf"\b{name}\b", source)) == 1}
+        found = classes | unused or fitting or functions
         if len(found) != 1:
             given = place.name if place.package else file.path.name
             several = f"{comma_list(known)}; give one of them as {given}:NAME"
@@ -218,11 +223,19 @@ def _check_methods(make: type, file: PythonFile) -> None:
     if not callable(getattr(make, "value", None)):
         raise file.refusal(name, f"{name} has no method value(self), which returns what was measured")
     for method, function in vars(make).items():
-        if not inspect.isfunction(function) or method.startswith("_") or method in CALLED:
+        if not inspect.isfunction(function) or method.startswith("_"):
+            continue
+        where = f"{file.path}:{function.__code__.co_firstlineno}: {name}"
+        if method in TAKES:
+            try:
+                inspect.signature(function).bind(*TAKES[method])
+            except TypeError:
+                own, called = inspect.signature(function), f"{method}({', '.join(TAKES[method])})"
+                raise MeasureError(f"{where}: has {method}{own}; trials call {called}") from None
+        if method in CALLED:
             continue
         looks_so = nearest_name(method, CALLED) or len(inspect.signature(function).parameters) == 3
         use = re.compile(rf"\b(self|{name})\.{method}\b".encode())  # `state.cycles` is no use of a method cycles
         if looks_so and not any(map(use.search, file.sources.values())):
-            where = f"{file.path}:{function.__code__.co_firstlineno}: {name}"
             said = f"nothing calls {method}: {did_you_mean(method, [*CALLED])}; trials call {', '.join(CALLED)}"
             raise MeasureError(f"{where}: {said}")

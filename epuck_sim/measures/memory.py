@@ -8,7 +8,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.step import check_field, memory_values
-from epuck_sim.measures.common import Series, allowed, one_of
+from epuck_sim.measures.common import Series, allowed, one_of, share
 
 
 @dataclass
@@ -40,6 +40,6 @@ class Memory(Series):
         if self.take == "series":
             return self._series
         known = [each for each in self._series if each is not None]
-        if not known:
-            return None
-        return known[-1] if self.take == "final" else float(sum(known) / len(known))
+        if self.take == "final":
+            return known[-1] if known else None
+        return share(sum(known), len(known))

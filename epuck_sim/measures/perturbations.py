@@ -12,8 +12,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.elementary import log
 from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, Series, allowed
 
-SMALLEST, LARGEST = 1e-12, 0.1
-"""Deviations, in cycles, between which a perturbation grows or shrinks freely: above rounding, far below a cycle."""
+SMALLEST, LARGEST = 1e-12, 0.1  # deviations in cycles between which one grows freely: above rounding, below a cycle
 
 
 @dataclass
@@ -36,10 +35,8 @@ class _Twin(Series):
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
         if not parameters.displacement and not scenario.start.displacement and not scenario.clocks.jitter:
-            raise ValueError(
-                "there is no perturbation to measure; give displacement, or the scenario's start.displacement or "
-                "clocks.jitter"
-            )
+            instead = "give displacement, or the scenario's start.displacement or clocks.jitter"
+            raise ValueError(f"there is no perturbation to measure; {instead}")
         scenario.check_twin()
 
     def batch(self, batch: Any, _: Any) -> None:
@@ -85,18 +82,14 @@ class PerturbationTransient(_Twin):
     """Cycles until the deviation is at most `tolerance` for good (agents)."""
 
     tolerance: float = 0.01
-    check = staticmethod(
-        allowed(
-            displacement=BELOW_HALF_A_CYCLE,
-            tolerance=(lambda tolerance: 0 < tolerance < 0.5, "above 0 and below 0.5, in cycles"),
-        )
-    )
+    _rule = (lambda tolerance: 0 < tolerance < 0.5, "above 0 and below 0.5, in cycles")
+    check = staticmethod(allowed(displacement=BELOW_HALF_A_CYCLE, tolerance=_rule))
     UNIT = "cycles"
 
     def value(self) -> int | None:
         """Return the number of cycles after which no deviation is above `tolerance`; None if the last one is."""
-        beyond = [cycle for cycle, deviation in enumerate(self._series, 1) if deviation > self.tolerance]
-        last = beyond[-1] if beyond else 0
+        beyond = (cycle for cycle, deviation in enumerate(self._series, 1) if deviation > self.tolerance)
+        last = max(beyond, default=0)
         return last if last < len(self._series) else None
 
 
@@ -110,12 +103,10 @@ def growth_rates(deviations: list[float]) -> list[float | None]:
 
 def mean_with_interval(rates: list[float]) -> list[float | None]:
     """Return the mean of rates and the ends of Student's 95 % interval, as if the rates were independent."""
-    if not rates:
-        return [None, None, None]
+    if len(rates) < 2:
+        return [*rates, None, None, None][:3]
     values: FloatArray = np.array(rates)
     mean = float(values.mean())
-    if len(rates) < 2:
-        return [mean, None, None]
     from scipy.special import stdtrit
 
     half = float(stdtrit(len(rates) - 1, 0.975) * values.std(ddof=1) / math.sqrt(len(rates)))

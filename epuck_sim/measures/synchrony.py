@@ -86,9 +86,8 @@ class BelowThreshold(Share):
 
     threshold: float = 0.95
     from_cycle: int = 1
-    check = staticmethod(
-        allowed(threshold=(lambda threshold: 0 < threshold <= 1, "above 0 and up to 1"), from_cycle=ABOVE_0)
-    )
+    _rule = (lambda threshold: 0 < threshold <= 1, "above 0 and up to 1")
+    check = staticmethod(allowed(threshold=_rule, from_cycle=ABOVE_0))
     _is_reached = False
 
     def batch(self, batch: Any, _: Any) -> None:
@@ -140,7 +139,8 @@ class ClusterCount(_Clusters, Series):
     """Number of phase clusters at each cycle: neighbours at most `gap` cycles apart are in one (series)."""
 
     def batch(self, batch: Any, _: Any) -> None:
-        self._series += (cluster_numbers(batch.phases, self.gap).max(axis=1, initial=-1) + 1).tolist()
+        last = cluster_numbers(batch.phases, self.gap).max(axis=1, initial=-1)
+        self._series += [count or None for count in (last + 1).tolist()]  # without oscillators there are no clusters
 
 
 class LargestCluster(_Clusters, Series):

@@ -63,8 +63,7 @@ def test_what_there_is_not_is_none_what_stays_is_the_same_and_what_a_sweep_s_poi
     # in range of each other, with more links than there was room for at first
     crowd = {**AGENTS, "agents": {"count": 40, "speed_cm_s": 1}, "neighbourhood": {"kind": "range", "radius_cm": 150}}
     for measure, sections, value in [
-        ("cluster_count", mute, [0] * CYCLES),
-        ("largest_cluster", mute, [None] * CYCLES),
+        *((measure, mute, [None] * CYCLES) for measure in ("cluster_count", "largest_cluster")),
         ("threshold_cycles", mute, [None] * 5),
         *((measure, mute, None) for measure in ("below_threshold", "stays_above")),
         ("cluster_life", {**AGENTS, "response": {"coupling": 0}}, None),
@@ -76,6 +75,8 @@ def test_what_there_is_not_is_none_what_stays_is_the_same_and_what_a_sweep_s_poi
         ("density", at_once, []),
     ]:
         assert run(measure, **sections)[1] == value
+    further = {"stop": {"further_cycles": 30, "max_cycles": 500}}
+    assert run("stays_above", seed=1, **further)[1] == (run("below_threshold", seed=1, **further)[1] == 0)
     given = {**AGENTS, "measures": ["perturbation"], "sweep": {"grid": {"start.displacement": [0.1]}}}
     (point,) = points({**given, "start": {"phases": "synchronised"}})
     assert point.scenario.start.displacement == 0.1
@@ -192,11 +193,6 @@ def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them_and_later_on
     below = [order < 0.8 for order in later]
     assert told(synchrony.BelowThreshold(None, 0.8, begin), *batches) == (sum(below) / len(below) if later else None)
     assert told(synchrony.StaysAbove(None, 0.8, begin), *batches) == (not any(below) if later else None)
-
-
-def test_a_trial_with_further_cycles_says_whether_it_stays_above():
-    sections = {"stop": {"further_cycles": 30, "max_cycles": 500}}
-    assert run("stays_above", seed=1, **sections)[1] == (run("below_threshold", seed=1, **sections)[1] == 0)
 
 
 @given(st.integers(1, 9).flatmap(lambda n: st.lists(st.tuples(*[st.integers(0, 3)] * n), min_size=1, max_size=4)))
