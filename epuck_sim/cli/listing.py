@@ -47,13 +47,16 @@ def list_measures() -> dict[str, dict[str, str]]:
 
 
 def list_keys(ending: str) -> dict[str, dict[str, str]]:
-    """Return sentence, type or owners, and default of keys with this ending, or in this section, by model; N: place."""
+    """Return descriptions of keys with this ending, or in this section, by model (N: place), and of this name."""
     part = re.sub(r"\b\d+\b", "N", ending)
     found: dict[str, dict[str, str]] = {}
     for name, key, said in _every_key(f".{part}."):
         of_model = found.setdefault(f"model: {name}", {})
         if said not in of_model.get(key, ""):  # several classes of sections, or controllers, have it
             of_model[key] = f"{of_model.get(key, '')} {said}".lstrip()
+    offered = (SCENARIO, CONTROLLER, ROBOT, SENSOR, CURVE, MEASURE)
+    kinds = {**list_names(), **list_measures()} if any(ending in kind.offers for kind in offered) else {}
+    found |= {kind: {ending: described[ending]} for kind, described in kinds.items() if ending in described}
     if not found:
         keys = [key.partition(":")[0] for _, key, _ in _every_key("")]
         near = nearest_name(part, {*keys, *".".join(keys).split(".")})

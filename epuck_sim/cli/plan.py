@@ -70,16 +70,17 @@ def print_plan(name: str, duration: Duration, plan: TrialPlan | None, *, as_json
         show([plan.table(name)], None, as_json=False)
     total = f"{name}: {counted(duration.points, 'point')}, {counted(duration.trials, 'trial')} each"
     of_share = f" of share {duration.share}" if duration.share else ""
+    left = f"{duration.left}{of_share} {'is' if duration.left == 1 else 'are'} left"
     if not duration.left:
         lines = [f"{total}: all{of_share} are stored."]
     elif not duration.timed:
-        lines = [f"{total}: {duration.left}{of_share} are left; none has been timed."]
+        lines = [f"{total}: {left}; none has been timed."]
     else:
         computing, with_workers = (_in_words(each, duration.is_cut) for each in (duration.compute_s, wall_s))
         workers = counted(duration.workers, "worker")
         cut = "; the last was cut short, so the sweep takes longer" if duration.is_cut else ""
         lines = [
-            f"{total}: {duration.left}{of_share} are left: {computing} of computing, {with_workers} with {workers}.",
+            f"{total}: {left}: {computing} of computing, {with_workers} with {workers}.",
             f"Estimated from {counted(duration.timed, 'trial')}{cut}.",
         ]
     print("\n".join(map(folded, [*lines, *describe_at_limit(duration.at_limit)])))

@@ -29,10 +29,7 @@ if TYPE_CHECKING:  # single trials need no pools
 
 REFRESH_S = 0.2  # seconds between two updates on a terminal
 LINE_S = 10.0  # seconds between two lines in a log
-
-COMPILING_S, COMPILING_IN_A_LOG_S = 1.0, 4.0
-"""Seconds between two looks at how much is compiled, on a terminal and in a log."""
-
+COMPILING_S, COMPILING_IN_A_LOG_S = 1.0, 4.0  # seconds between looks at how much is compiled, on a terminal, in a log
 AT_WORK_S = 10.0  # seconds between two looks at whose code is running
 FEWER_CYCLES = 300  # limit of cycles that is proposed for trials that look hopeless
 

@@ -111,6 +111,7 @@ def run(
     is_none = folder is None
     one_again = "give --point and --trial to run one trial again with them"
     reject_first(
+        (trial is not None and point is None, "--trial needs --point, of a sweep; for several trials, give --trials"),
         (is_one and (None in (point, trial) or out is not None), "give --point and --trial together, without --out"),
         (is_none and (workers or dask) is not None, "--workers and --dask need a run folder: --out FOLDER"),
         (is_none and until is not None, "--until is for sweeps: give --out FOLDER"),

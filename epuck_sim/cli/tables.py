@@ -46,9 +46,11 @@ def terminal_width() -> int | None:
 
 
 def folded(line: str) -> str:
-    """Return a line of text, wrapped to a terminal's width between words; further lines are indented."""
+    """Return a line wrapped to a terminal's width, further lines indented; numbers stay with the word after them."""
     line, width = line.replace("\n", " "), terminal_width()
-    return line if width is None else "\n    ".join(textwrap.wrap(line, width - 4, break_long_words=False))
+    tied = re.sub(r"(?<=\d) (?=\w)", "\0", line)  # as one word
+    lines = [tied] if width is None else textwrap.wrap(tied, width - 4, break_long_words=False)
+    return "\n    ".join(lines).replace("\0", " ")
 
 
 def print_trials(results: "Sequence[TrialResult]", max_cycles: int) -> None:

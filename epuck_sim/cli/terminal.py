@@ -30,10 +30,7 @@ REQUESTS = signals("SIGINT", "SIGTERM", "SIGHUP")
 
 GRACE_S = 2.0  # time in seconds in which the main thread must react to a signal
 AGAIN_S = 0.05  # time in seconds after which KeyboardInterrupt is raised again where Python has dropped it
-
-INSISTENT = 3
-"""Number of requests within `INSIST_S` that end the process in any case: a controller may catch all exceptions."""
-
+INSISTENT = 3  # requests within `INSIST_S` that end the process in any case: a controller may catch all exceptions
 INSIST_S = 3.0  # time in seconds within which requests count as insistent
 EXIT_CODE = 130  # exit code of a command that was interrupted
 

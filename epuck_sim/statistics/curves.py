@@ -151,6 +151,7 @@ class PointSeries(NamedTuple):
     axes: dict[str, Any]
     statistics: SeriesStatistics
     unit: str  # unit of the statistics; empty if they have none
+    is_timed: bool = False  # whether it is over cycles of 5 s, as the reference is no oscillator
 
     def record(self) -> dict[str, Any]:
         """Return the statistics as JSON holds them: a list with a value for each cycle."""
@@ -170,7 +171,7 @@ MOST = 20  # number of first items that tables show of series that are not over 
 def series_table(title: str, points: Sequence[PointSeries]) -> Table:
     """Return a table of the series at each point, at some of the cycles: 1, 2 and 5 of each decade, and the last."""
     over, rows = points[0].statistics.over, []
-    for point, axes, (cycles, trials, known, means, medians, _), _ in points:
+    for point, axes, (cycles, trials, known, means, medians, _), *_ in points:
         last = len(cycles)
         shown = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
         shown |= set() if over == "cycle" else set(range(1, MOST + 1))
@@ -179,6 +180,7 @@ def series_table(title: str, points: Sequence[PointSeries]) -> Table:
             cells = {"point": point, "trials": int(trials[at]), "known": int(known[at]), "mean": mean, "median": median}
             rows.append(Row({**axes, over: int(cycles[at])}, cells))
     notes = [f"Trials: those that reach the {over} and have a value there."]
+    notes += ["Cycles are 5 s long where the reference is no oscillator."] * any(each.is_timed for each in points)
     return Table(f"{title} at {over}s, with 95 % intervals", rows, notes, {"trials": "", "known": "trials"})
 
 
@@ -194,7 +196,8 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
         if any(map(len, series)):
             over = known_as.over if (known_as := measure_of(point)) else "cycle"
             statistics = series_statistics(series, over)
-            found.append(PointSeries(point.number, point.axes, statistics, measure_unit(point) or ""))
+            is_timed = over == "cycle" and not getattr(point.scenario, "has_reference", True)
+            found.append(PointSeries(point.number, point.axes, statistics, measure_unit(point) or "", is_timed))
     if not found:
         raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
     return found

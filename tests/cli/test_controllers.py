@@ -44,12 +44,6 @@ def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
     assert "helper.py:2: RuntimeError: no half (in the controller" in result.stderr
 
 
-def test_what_libraries_say_to_libraries_is_no_note(tmp_path) -> None:
-    warns = "import warnings\nwarnings.warn('old', type('Old', (UserWarning, DeprecationWarning), {}))\n"
-    write(tmp_path, mine=warns + "def mine(simulation):\n    return 1\n")
-    assert called("run", "pair", "--measure", "mine.py", "--set", "stop.max_cycles=1")
-
-
 def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it_has_but_for_set(tmp_path):
     write(tmp_path, mine=with_parameters("{'speed_cm_s': 1.0, 'gain': 2.0}"))
     (tmp_path / "two.yaml").write_text("robots: [{count: 1, parameters: {speed_cm_s: 5, coupling: 0.2}}, {count: 2}]")
@@ -122,11 +116,6 @@ def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path, monkeyp
     assert call("new").exit_code == 2
 
 
-def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
-    with pytest.raises(KeyboardInterrupt):
-        describe_error(type("Slow", (Exception,), {"__str__": Mock(side_effect=KeyboardInterrupt)})())
-
-
 @pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])
 def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, monkeypatch, capsys, line: str) -> None:
     scene = write_scene(tmp_path, "import sys\n" + with_step(line), 0.3)
@@ -137,13 +126,15 @@ def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, monkeypat
     assert capsys.readouterr().err == "error: the output cannot be written: it was closed\n"
 
 
-def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path) -> None:
+def test_a_message_that_is_no_unicode_costs_its_own_trial_alone_and_an_interrupted_one_interrupts(tmp_path) -> None:
     scene = write_scene(tmp_path, with_step("raise ValueError('\\ud800')"), 0.3)
     result = call("run", scene, "--interpret", "--out", tmp_path / "run", "--trials", "2")
     assert result.exit_code == 1
     assert "failed: 2 trials: mine.py:" in result.stdout
     errors = [failure.error.rpartition("ValueError: ")[2] for failure in read_status(tmp_path / "run").failed]
     assert errors == ["\\ud800"] * 2
+    with pytest.raises(KeyboardInterrupt):
+        describe_error(type("Slow", (Exception,), {"__str__": Mock(side_effect=KeyboardInterrupt)})())
 
 
 def test_more_workers_than_the_system_allows_files_are_refused_at_once(tmp_path, monkeypatch) -> None:

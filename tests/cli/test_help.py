@@ -57,6 +57,7 @@ def test_lists_are_also_json_and_a_key_is_explained_by_its_ending_or_section() -
         assert explained["stop.metric"].endswith('; `reference`: eq. 3.4. (complex or reference; default: "complex")')
         assert explained["stop.order_parameter"].partition("(number above 0 to 1 or null; default: 0.9")[1]
     assert called("list", "agents.speed_cm_s").splitlines()[0] == "model: particles"
+    assert list(read("list", "consensus")) == ["sweeps", "measures"]
 
 
 def test_parameters_of_controllers_are_explained_by_their_comments_and_kinds_that_a_model_takes_are_listed() -> None:

@@ -113,15 +113,17 @@ def test_plan_says_how_many_trials_show_a_difference_of_a_measure(here):
 
 
 def test_nothing_speaks_of_t_sync_where_no_oscillator_is_or_trials_end_at_a_time_or_by_a_measure(here):
-    wandering = ["--set", "robots.0={controller: obstacle_avoidance, count: 3}", "--set", "stop.max_time_s=1"]
+    wandering = ["--set", "robots.0={controller: obstacle_avoidance, count: 3}", "--set", "stop.max_time_s=6"]
     table = called("run", "thesis", *wandering, "--measure", "near_walls")
     assert not any(word in table for word in ("T_sync", "censored", "order"))
     assert "near_walls" in table
     trial = read("run", "thesis", *wandering)
     assert (trial["t_sync_cycles"], trial["censored"], trial["order_parameter"]) == (None, None, None)
-    result = call("run", "thesis", *wandering, "--trials", "2", "--out", "run", "--workers", "1")
+    asked = ["--measure", "cluster_count", "--measure", "mean_squared_displacement"]
+    result = call("run", "thesis", *wandering, *asked, "--trials", "2", "--out", "run", "--workers", "1")
     assert result.exit_code == 0
     assert "censored" not in result.stdout + result.stderr + called("status", "run")
+    assert "Cycles are 5 s long where" in called("summarize", "run", "--of", "mean_squared_displacement")
     called("export", "run", "--to", "t.csv")
     assert [row["censored"] for row in rows(here / "t.csv")] == ["", ""]
     stop = ["--set", "stop={when: order_parameter > 0.1, max_cycles: 9}"]

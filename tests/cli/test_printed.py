@@ -345,6 +345,8 @@ def test_a_table_of_trials_has_units_and_whole_seeds_and_several_a_line_of_stati
     assert len(last) <= 80
     tables.print_trials([trial(n, **late) for n in range(20)], 25)
     assert capsys.readouterr().out.splitlines()[-1] == "T_sync: all of 20 trials are censored"
+    monkeypatch.setattr(tables, "terminal_width", lambda: 20)
+    assert tables.folded("in computing, 0 s") == "in computing,\n    0 s"
 
 
 def test_a_notebook_redraws_progress_if_it_has_widgets(monkeypatch) -> None:

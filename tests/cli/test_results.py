@@ -151,6 +151,7 @@ def test_plan_says_where_trials_tell_of_time_alone_times_some_of_a_scenario_and_
         assert result.stderr[: len(note) or None] == note
     call("run", "pair", "--set", "stop.max_cycles=2", "--trials", 2, "--share", "1/2", "--out", tmp_path / "run")
     assert "2 trials each: all of share 1/2 are stored." in called("plan", tmp_path / "run")
+    assert "4 trials each: 1 of share 1/2 is left: 0 s of computing" in called("plan", tmp_path / "run", "--trials", 4)
     options = ("--sweep", f"{SPEED}=1,2,4,8,10,12", "--set", "stop.max_cycles=2", "--trials", 1000, "--workers", 2)
     stdout = called("plan", "pair", *options)
     assert stdout.startswith("pair: 6 points, 1000 trials each: 6000 are left: ")

@@ -324,6 +324,7 @@ def test_a_series_is_the_mean_and_dashed_once_a_trial_has_ended_a_row_a_cycle_an
     assert legend_texts(figure) == ["V = 1 cm/s", "V = 2 cm/s", "95 % interval", "some trials have ended"]
     assert (panel.get_xlabel(), panel.get_ylabel()) == ("cycle", "mine")
     assert Series(of="mine", points=[LONG, SHORT]).shows.endswith("; 6 trials a point")
+    assert Series(of="mine", points=[LONG._replace(is_timed=True)]).labels[0] == "cycle of 5 s"
     with pytest.raises(EpuckSimError, match=f"{MAX_LINES + 1} lines, one for each point; allowed: up to {MAX_LINES}"):
         Series(of="mine", points=[LONG] * (MAX_LINES + 1)).draw_figure()
     rows = written(Series(of="mine", points=[LONG, SHORT]).tables[".csv"])

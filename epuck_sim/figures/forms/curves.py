@@ -326,14 +326,15 @@ class Series(Form):
                 "summarize prints all"
             )
         trials = style.count_trials([int(point.statistics.trials[0]) for point in self.points])
-        over, _ = self.labels = self.points[0].statistics.over, self.quantity
+        over = self.points[0].statistics.over
+        self.labels = f"{over} of 5 s" if all(point.is_timed for point in self.points) else over, self.quantity
         self.shows = f"{self.of}: means over the {over}s of the trials that reach them, with 95 % intervals; {trials}"
 
     @property
     def tables(self) -> Mapping[str, str]:
         """A row for each cycle of each point."""
         rows = []
-        for _, axes, s, _ in self.points:
+        for _, axes, s, *_ in self.points:
             columns = s.trials, s.known, *s.mean.T, *s.median.T
             rows.append((axes, {s.over: s.cycles, **dict(zip(SERIES_COLUMNS, columns, strict=True))}))
         return {".csv": tabulate(rows)}
