@@ -45,10 +45,8 @@ LINE_LENGTH = 120  # most characters in a line of the title
 def check_drawable(recorded: Recorded, origin: str) -> None:
     """Raise RecordingError for a recording without poses or without steps; `origin` is its name in the message."""
     if recorded.level is Level.SUMMARY:
-        raise RecordingError(
-            f"{origin}: holds no poses, so that trajectories cannot be drawn; record the trial again with "
-            "--record-level poses or full"
-        )
+        said = "holds no poses, so that trajectories cannot be drawn"
+        raise RecordingError(f"{origin}: {said}; record the trial again with --record-level poses or full")
     if not len(recorded.time_s):
         raise RecordingError(f"{origin}: holds no steps")
 

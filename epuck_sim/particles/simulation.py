@@ -95,10 +95,9 @@ class ParticleSimulation:
         why = "a ParticleSimulation needs model: particles; use Simulation"
         loaded = load_of_model(scenario, ParticleScenario, why)
         if loaded.start.like is not None:
-            raise ScenarioError(
-                f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; for a "
-                "ParticleSimulation, give start_like(robots, seed) as start"
-            )
+            said = f"start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps"
+            instead = "for a ParticleSimulation, give start_like(robots, seed) as start"
+            raise ScenarioError(f"{loaded.name}: {said}; {instead}")
         self.scenario, self.seed, self._turn = loaded, seed_of_trial(loaded, seed), Lock()
         self._rules = rules_of(loaded)
         self._renew(self._rules)
@@ -434,10 +433,8 @@ class ParticleSimulation:
     def _links_in(self, states: ByteArray, senders: IntArray, addresses: IntArray) -> IntArray:
         """Return the links from senders in observed states, by the present rules and these functions."""
         if isinstance(self._present.neighbourhood, RandomAgents):
-            raise ScenarioError(
-                f"{self.scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
-                "there are neighbours only by position"
-            )
+            said = "neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse"
+            raise ScenarioError(f"{self.scenario.name}: {said}; there are neighbours only by position")
         if self._scratch is None:
             self._scratch = self._present_rules.new_block()
         return links_in(self._scratch, addresses, states, senders)

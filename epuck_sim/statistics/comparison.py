@@ -242,10 +242,8 @@ def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
     check_units([points[0] for points in folders])
     axes = [sorted(points[0].axes) for points in folders]
     if any(keys != axes[0] for keys in axes):
-        raise EpuckSimError(
-            f"the axes differ: {'; '.join(map(comma_list, axes))}; name the points to compare: --points 0,0, one of "
-            "each folder, by its number"
-        )
+        instead = "name the points to compare: --points 0,0, one of each folder, by its number"
+        raise EpuckSimError(f"the axes differ: {'; '.join(map(comma_list, axes))}; {instead}")
     by_key = [{point.key: point for point in points if len(point.times)} for points in folders]
     every = {point.key: point.axes for points in by_key for point in points.values()}
     return Samples([*names], [(axes, [each.get(key) for each in by_key]) for key, axes in every.items()])

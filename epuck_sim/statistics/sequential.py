@@ -40,10 +40,8 @@ class Precision(NamedTuple):
         """
         match = re.fullmatch(r"([0-9]*\.?[0-9]+)(%?)", text.replace(" ", ""))
         if match is None or not float(match[1]) > 0:
-            raise EpuckSimError(
-                f"--until is {text}; allowed: half the width of an interval, in per cent of the estimate, as in 10%, "
-                "or in cycles, as in 3"
-            )
+            allowed = "half the width of an interval, in per cent of the estimate, as in 10%, or in cycles, as in 3"
+            raise EpuckSimError(f"--until is {text}; allowed: {allowed}")
         return cls(float(match[1]) / (100 if match[2] else 1), bool(match[2]))
 
     def width(self, found: Estimate) -> float:

@@ -118,10 +118,8 @@ def measure_t_sync(point: PointTrials) -> Measured:
     if not point.has_t_sync:
         names = comma_list([section.name for section in point.scenario.measures])
         where = f"point {point.number} ({describe_axes(point.axes)}): " if point.axes else ""
-        raise StoreError(
-            f"{where}trials have no T_sync: their reference is no oscillator, or stop.order_parameter is null; what "
-            f"was measured: {names} (--of NAME, or read_points(folder, of=NAME))"
-        )
+        said = "trials have no T_sync: their reference is no oscillator, or stop.order_parameter is null"
+        raise StoreError(f"{where}{said}; what was measured: {names} (--of NAME, or read_points(folder, of=NAME))")
     limit = float(point.scenario.stop.max_cycles)
     if point.of != T_SYNC_S:
         return Measured(point.times, point.observed, limit, point.seed, unit="cycles")
@@ -141,10 +139,8 @@ def measure(point: PointTrials) -> Measured:
     if point.of in T_SYNC:
         return measure_t_sync(point)
     if any(isinstance(value, list) for value in point.measured):
-        raise StoreError(
-            f"{point.of} is a series, with a value for each cycle; this needs one value a trial; allowed: plot "
-            "--form series and summarize (statistics.curves)"
-        )
+        said = "is a series, with a value for each cycle; this needs one value a trial"
+        raise StoreError(f"{point.of} {said}; allowed: plot --form series and summarize (statistics.curves)")
     known = [value for value in point.measured if value is not None and not isinstance(value, list)]
     is_share = bool(known) and all(isinstance(value, bool) for value in known)
     ones = np.ones(len(known), np.bool_)

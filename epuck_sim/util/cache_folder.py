@@ -12,8 +12,7 @@ from pathlib import Path
 
 import platformdirs
 
-USER = os.getuid() if hasattr(os, "getuid") else None
-"""Number of the user who runs this process; None where users have none."""
+USER = os.getuid() if hasattr(os, "getuid") else None  # number of this process's user; None where users have none
 
 UNUSED_S = 30 * 24 * 3600.0  # time in seconds after which compiled code that no process has used is removed
 ROOM_BYTES = 4_000_000  # free space that a folder needs to be used: some more than all kernels take

@@ -50,8 +50,7 @@ def allow_files(needed: int) -> int | None:
     return None
 
 
-NEGLIGIBLE_BYTES = 64_000_000
-"""Need in bytes below which free memory is not looked up: that takes as long as the start of a small trial."""
+NEGLIGIBLE_BYTES = 64_000_000  # need below which free memory is not looked up: that lasts as a small trial's start
 
 CGROUPS = Path("/sys/fs/cgroup")  # where Linux shows what a batch system or a container allows
 
@@ -111,14 +110,12 @@ def _read(path: str | Path) -> str:
 
 HOST = "127.0.0.1"  # address at which pages are served: other machines cannot reach them
 
-BLOCKED_PORTS = frozenset(
-    {
-        *(1, 7, 9, 11, 13, 15, 17, 19, 20, 21, 22, 23, 25, 37, 42, 43, 53, 69, 77, 79, 87, 95, 101, 102, 103, 104, 109),
-        *(110, 111, 113, 115, 117, 119, 123, 135, 137, 139, 143, 161, 179, 389, 427, 465, 512, 513, 514, 515, 526, 530),
-        *(531, 532, 540, 548, 554, 556, 563, 587, 601, 636, 989, 990, 993, 995, 1719, 1720, 1723, 2049, 3659, 4045),
-        *(4190, 5060, 5061, 6000, 6566, *range(6665, 6670), 6679, 6697, 10080),
-    }
-)
+BLOCKED_PORTS = {
+    *(1, 7, 9, 11, 13, 15, 17, 19, 20, 21, 22, 23, 25, 37, 42, 43, 53, 69, 77, 79, 87, 95, 101, 102, 103, 104, 109),
+    *(110, 111, 113, 115, 117, 119, 123, 135, 137, 139, 143, 161, 179, 389, 427, 465, 512, 513, 514, 515, 526, 530),
+    *(531, 532, 540, 548, 554, 556, 563, 587, 601, 636, 989, 990, 993, 995, 1719, 1720, 1723, 2049, 3659, 4045),
+    *(4190, 5060, 5061, 6000, 6566, *range(6665, 6670), 6679, 6697, 10080),
+}
 """Ports at which browsers open no pages, as other protocols use them: the bad ports of the Fetch standard."""
 
 

@@ -92,7 +92,7 @@ def test_parameters_and_the_coupling_reach_the_function_and_shapes_are_kept_whet
         assert order_change(response, phases).shape == phases.shape
 
 
-def test_two_curves_take_turns_in_one_process_and_a_changed_file_is_another_curve(power, tmp_path):
+def test_two_curves_take_turns_in_one_process_and_a_changed_file_is_another_whose_error_has_a_class(power, tmp_path):
     added = write(tmp_path / "curve.py", "def phase_shift(phase, coupling, parameters):\n    return coupling")
 
     def swarms(*curves):
@@ -109,6 +109,9 @@ def test_two_curves_take_turns_in_one_process_and_a_changed_file_is_another_curv
     phases = [swarm.phases().tobytes() for swarm in together]
     assert phases == [swarm.phases().tobytes() for swarm in alone]
     assert phases[0] != phases[1]
+    added.write_text("def phase_shift(phase, coupling, parameters):\n    return coupling / (not 0.502 < phase < 0.508)")
+    with pytest.raises(CurveError, match="ZeroDivisionError"):  # between the phases at which curves are tried
+        ParticleSimulation(scenario_of(added), 1).run(10_000)
 
 
 def test_curves_and_their_parameters_can_be_swept_and_a_path_is_relative_to_the_scenario_s_file(power):
@@ -122,9 +125,3 @@ def test_curves_and_their_parameters_can_be_swept_and_a_path_is_relative_to_the_
     assert found[2].scenario.response.parameters == {"bend": 1.0, "times": 1}
     (_, bent) = points({**scenario_of(power), "sweep": {"grid": {"response.parameters.bend": [1, 2]}}})
     assert bent.scenario.response.parameters == {"bend": 2.0, "times": 1}
-
-
-def test_programs_tell_the_error_of_a_curve_from_others_by_its_class(tmp_path):
-    text = "def phase_shift(phase, coupling, parameters):\n    return coupling / (not 0.502 < phase < 0.508)\n"
-    with pytest.raises(CurveError, match="ZeroDivisionError"):  # between the phases at which curves are tried
-        ParticleSimulation(scenario_of(write(tmp_path / "curve.py", text)), 1).run(10_000)

@@ -371,9 +371,13 @@ def test_a_curve_with_both_has_both_and_its_inverse_has_them_turned_over():
             assert value.low < value.value < value.high
 
 
-def test_the_best_curve_with_neither_rises_or_falls_and_noisy_points_count_less():
+def test_the_best_curve_with_neither_and_the_most_prominent_peak_which_is_not_always_the_highest():
     fit = curve(LOG_PLACES)._replace(logs=np.array([3.0, 1, 2]), variances=np.array([1.0, 1, 3]))
-    assert extrema._monotone(fit, True, False) == pytest.approx([3, 1.25, 1.25])
+    assert extrema._monotone(fit, True, False) == pytest.approx([3, 1.25, 1.25])  # noisy points count less
+    curves = np.array([[5, 6, 5.9, 0, 3, 0.5, 4], [0, 1, 2, 3, 4, 5, 6], [3, 1, 2, 1, 0, 0, 0]], float)
+    peaks, prominences, _ = extrema.most_prominent(np.arange(7.0), curves)
+    assert prominences.tolist() == [2.5, 0.0, 1.0]
+    assert peaks[[0, 2]] == pytest.approx(np.array([[4, np.exp(3)], [2, np.exp(2)]]))
 
 
 @pytest.mark.parametrize("slope", [-1.0, 1.0])
@@ -387,13 +391,6 @@ def test_a_steep_curve_has_neither(slope):
 def test_noise_makes_few_of_them(shape):
     fits = [curve(shape(LOG_PLACES), noise=0.2, seed=seed, resamples=200) for seed in range(60)]
     assert np.mean([find(fit).is_found for fit in fits for find in (find_minimum, find_peak)]) < 0.08
-
-
-def test_the_most_prominent_peak_is_not_always_the_highest():
-    curves = np.array([[5, 6, 5.9, 0, 3, 0.5, 4], [0, 1, 2, 3, 4, 5, 6], [3, 1, 2, 1, 0, 0, 0]], float)
-    peaks, prominences, _ = extrema.most_prominent(np.arange(7.0), curves)
-    assert prominences.tolist() == [2.5, 0.0, 1.0]
-    assert peaks[[0, 2]] == pytest.approx(np.array([[4, np.exp(3)], [2, np.exp(2)]]))
 
 
 def folder_of(path, law, trials=30, **grid):

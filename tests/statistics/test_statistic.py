@@ -54,12 +54,6 @@ def test_where_values_are_not_positive_the_interval_is_students_own(values, shif
     assert estimate_mean(measured(shifted)).ends[1:] == pytest.approx(expected)
 
 
-def test_medians_of_resamples_follow_values_that_are_not_positive() -> None:
-    values = np.array([3.0, 5, 8, 13, 21])
-    above, below = (resample(measured(each), Statistic.MEDIAN) for each in (values, values - 30))
-    assert (below == above - 30).all()
-
-
 @given(values_of_trials, st.integers(0, 29))
 def test_values_cut_at_one_limit_have_the_mean_and_the_error_of_the_sample_that_they_are(values, place) -> None:
     limit = sorted(values)[place % len(values)]
@@ -98,11 +92,14 @@ def test_resampled_means_are_spread_like_the_means_of_new_trials(trials: int, li
     assert np.sqrt(np.mean(spreads)) == pytest.approx(np.std(truth), rel=0.15)
 
 
-def test_resamples_are_widened_as_the_variance_of_few_trials_about_their_own_mean_is_too_small() -> None:
+def test_resamples_of_few_trials_are_widened_and_medians_follow_values_that_are_not_positive() -> None:
     found = np.unique(resample_means(measured([1, 3]), 200))
     assert found == pytest.approx([2 * 0.5 ** math.sqrt(2), 2, 2 * 1.5 ** math.sqrt(2)])
     below_0 = np.unique(resample_means(measured([-1, 1]), 200))
     assert below_0 == pytest.approx([-math.sqrt(2), 0, math.sqrt(2)])
+    values = np.array([3.0, 5, 8, 13, 21])
+    above, below = (resample(measured(each), Statistic.MEDIAN) for each in (values, values - 30))
+    assert (below == above - 30).all()
 
 
 def test_intervals_of_shares_and_of_their_differences_are_those_published():
@@ -170,11 +167,6 @@ def test_the_order_of_the_trials_makes_no_difference_to_the_bit(series, random):
     assert [each.tobytes() for each in one[:5]] == [each.tobytes() for each in other[:5]]
 
 
-def test_no_series_are_refused_in_words():
-    with pytest.raises(ValueError, match="series has none; allowed: one or more"):
-        series_statistics([])
-
-
 def test_ranks_of_medians_are_sought_once_for_each_number_of_values(monkeypatch):
     sought, ranks = [], curves._median_ranks
     monkeypatch.setattr(curves, "_median_ranks", lambda count: sought.append(count) or ranks(count))
@@ -197,14 +189,13 @@ def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp
     assert (table.rows[0].axes["threshold"], table.rows[0].cells["known"], found[0].statistics.over) == (0, 1, "cycle")
     assert table.to_csv().startswith(f"{SPEED},threshold,point,trials,known,mean,")
     scenario = sweep({SPEED: [1]}, measures=["near_walls"])
-    folder = made_folders.store_measured(tmp_path / "other", scenario, lambda _: [0.5, 0.25])
-    with pytest.raises(StoreError, match="near_walls is no series"):
-        summarize_series(read_points(folder, "near_walls"))
-    with pytest.raises(StoreError, match="T_sync is no series"):
-        summarize_series(read_points(folder))
     folder = made_folders.store_measured(tmp_path / "short", scenario, lambda _: [[], []])
     with pytest.raises(StoreError, match="no trial reaches a firing"):
         summarize_series(read_points(folder, "near_walls"))
+    with pytest.raises(StoreError, match="T_sync is no series"):
+        summarize_series(read_points(folder))
+    with pytest.raises(ValueError, match="series has none; allowed: one or more"):
+        series_statistics([])
 
 
 # how the trials of the five points end: all, most, few, none synchronised; no trial

@@ -90,12 +90,17 @@ def test_further_cycles_end_at_the_limits_of_the_trial_which_is_not_censored(lim
         assert usual.steps + 30 * more <= result.steps <= usual.steps + 51 * more
 
 
-def test_a_trial_without_oscillators_counts_a_cycle_every_5_s_and_has_no_t_sync():
+def test_a_trial_without_oscillators_counts_a_cycle_every_5_s_and_a_reference_that_never_fires_keeps_none(tmp_path):
     for most, cycles, steps in ((100, 4, 220), (3, 3, 150)):
         limits = ["stop.max_time_s=22", f"stop.max_cycles={most}"]
         result = run_trial(Simulation(load_scenario("spotlight", limits)))
         assert (result.cycles, result.steps, result.order_parameter) == (cycles, steps, None)
         assert (result.censored, result.t_sync_cycles) == (None, None)
+    never_fires = with_step("actuators.ring_on = False", PARAMETERS="{'period_s': 5.0}", MEMORY="{'phase_ms': float}")
+    robots = [{"count": 2, "controller": str(write(tmp_path / "own.py", never_fires))}]
+    for max_cycles in (1, 3):
+        result = run_trial(Simulation({"robots": robots, "stop": {"max_cycles": max_cycles}}, interpret=True))
+        assert (result.censored, result.cycles, result.steps) == (True, 0, 2 * max_cycles * 51)
 
 
 def test_an_observer_may_command_robots_as_a_program_does():
@@ -105,14 +110,6 @@ def test_an_observer_may_command_robots_as_a_program_does():
     for step in islice(alone, 50):
         alone.command(step.number % 9)
     np.testing.assert_array_equal(step.poses, trial.last_step.poses)
-
-
-def test_a_reference_that_never_fires_keeps_no_trial_for_ever(tmp_path):
-    never_fires = with_step("actuators.ring_on = False", PARAMETERS="{'period_s': 5.0}", MEMORY="{'phase_ms': float}")
-    robots = [{"count": 2, "controller": str(write(tmp_path / "own.py", never_fires))}]
-    for max_cycles in (1, 3):
-        result = run_trial(Simulation({"robots": robots, "stop": {"max_cycles": max_cycles}}, interpret=True))
-        assert (result.censored, result.cycles, result.steps) == (True, 0, 2 * max_cycles * 51)
 
 
 def test_a_firing_counts_though_the_ring_is_lit_already():
