@@ -54,12 +54,12 @@ def list_keys(ending: str) -> dict[str, dict[str, str]]:
         of_model = found.setdefault(f"model: {name}", {})
         if said not in of_model.get(key, ""):  # several classes of sections, or controllers, have it
             of_model[key] = f"{of_model.get(key, '')} {said}".lstrip()
-    offered = (SCENARIO, CONTROLLER, ROBOT, SENSOR, CURVE, MEASURE)
-    kinds = {**list_names(), **list_measures()} if any(ending in kind.offers for kind in offered) else {}
+    names = {name for kind in (SCENARIO, CONTROLLER, ROBOT, SENSOR, CURVE, MEASURE) for name in kind.offers}
+    kinds = {**list_names(), **list_measures()} if ending in names else {}
     found |= {kind: {ending: described[ending]} for kind, described in kinds.items() if ending in described}
     if not found:
         keys = [key.partition(":")[0] for _, key, _ in _every_key("")]
-        near = nearest_name(part, {*keys, *".".join(keys).split(".")})
+        near = nearest_name(part, {*keys, *".".join(keys).split("."), *names})
         meant = f", did you mean {near}?" if near else ""
         raise ScenarioError(f"{ending}: no section of scenarios has it{meant}; parameters: `list`, `list --measures`")
     return found

@@ -5,6 +5,7 @@ docs/measures.md has its methods and attributes. A trial calls the methods that 
 `value` alone, compiled code runs from one cycle to the next.
 """
 
+import ast
 import inspect
 import re
 from collections.abc import Callable, Mapping
@@ -185,8 +186,8 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
             fitting[name] = default_parameters(value)
     known = classes | fitting
     if not (chosen := member):
-        source = file.sources[file.path].decode(errors="replace")
-        unused = {name: each for name, each in fitting.items() if len(re.findall(rf"\b{name}\b", source)) == 1}
+        used = {node.id for node in ast.walk(ast.parse(file.sources[file.path])) if isinstance(node, ast.Name)}
+        unused = {name: each for name, each in fitting.items() if name not in used}
         found = classes | unused or fitting or functions
         if len(found) != 1:
             given = place.name if place.package else file.path.name
@@ -218,7 +219,7 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
 
 
 def _check_methods(make: type, file: PythonFile) -> None:
-    """Raise MeasureError for a class without `value`, or with a method that looks like one of `CALLED` but is not."""
+    """Raise MeasureError for a class that lacks `value`, or has a method that trials would call wrongly, or never."""
     name = make.__name__
     if not callable(getattr(make, "value", None)):
         raise file.refusal(name, f"{name} has no method value(self), which returns what was measured")

@@ -104,7 +104,7 @@ def growth_rates(deviations: list[float]) -> list[float | None]:
 def mean_with_interval(rates: list[float]) -> list[float | None]:
     """Return the mean of rates and the ends of Student's 95 % interval, as if the rates were independent."""
     if len(rates) < 2:
-        return [*rates, None, None, None][:3]
+        return [rates[0] if rates else None, None, None]
     values: FloatArray = np.array(rates)
     mean = float(values.mean())
     from scipy.special import stdtrit

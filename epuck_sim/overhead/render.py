@@ -110,8 +110,8 @@ class Renderer:
         self._arena = self._first_arena = arena
         self._random = np.random.default_rng(seed)
         drawn = self._random.standard_normal(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.float32)
-        noise = np.rint(section.noise_levels * drawn[:-1]).astype(np.int16)
-        self._noise = np.ascontiguousarray(noise.reshape(-1, 3).T)
+        noise = np.rint(section.noise_levels * drawn).astype(np.int16)[: len(drawn) // 3 * 3]
+        self._noise = np.ascontiguousarray(noise.reshape(-1, 3).T)  # a row a colour, as they take turns
         self._dark = np.clip(self._noise, 0, 255).astype(np.uint8)  # pictures without light
         self._dark.flags.writeable = False
 
@@ -185,7 +185,7 @@ class Renderer:
         return self._dimming * image
 
     def _next(self, table: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
-        """Return three (rows, columns) levels: the columns of a noise table, taken in turn, from a random place on.
+        """Return (rows, columns) levels of three colours that take turns in a noise table, from a random place on.
 
         Drawing new numbers for each picture would take longer than all the rest.
         """

@@ -171,9 +171,6 @@ class EmbodiedScenario(Scenario):
         if not any(re.fullmatch(r"robots(\.\d+(\.(count|present))?)?", key) for key in self.swept):
             self._check_numbers()  # else they are known at each point only
         check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
-        tags = self.overhead.tags
-        if tags is not None and self.population > int(tags.partition("_")[2]):
-            raise ValueError(f"overhead.tags is {tags!r}, which has too few tags for {self.population} robots")
 
     def _check_numbers(self) -> None:
         """Raise ValueError for numbers of robots, or of groups, that there are not, or that do not fit."""
@@ -191,6 +188,9 @@ class EmbodiedScenario(Scenario):
         if not self.present[reference]:
             said = f"stop.reference_robot is {reference}, which is not present at the start"
             raise ValueError(f"{said}; allowed: a robot of a group with present: true, as its firings are counted")
+        tags = self.overhead.tags
+        if tags is not None and self.population > int(tags.partition("_")[2]):
+            raise ValueError(f"overhead.tags is {tags!r}, which has too few tags for {self.population} robots")
 
     def _check_faults(self) -> None:
         for number, fault in enumerate(self.faults):

@@ -50,7 +50,7 @@ def allow_files(needed: int) -> int | None:
     return None
 
 
-NEGLIGIBLE_BYTES = 64_000_000  # need below which free memory is not looked up: that lasts as a small trial's start
+NEGLIGIBLE_BYTES = 64_000_000  # need below which free memory is not looked up: in that time a small trial starts
 
 CGROUPS = Path("/sys/fs/cgroup")  # where Linux shows what a batch system or a container allows
 

@@ -41,9 +41,9 @@ def _derived(master: int, spawn_key: tuple[int, ...]) -> int:
 
 
 @lru_cache
-def _padded_words(master: int) -> list[int]:
+def _padded_words(master: int) -> tuple[int, ...]:
     """Return the words of 32 bits of a master seed, with zeros up to the four that numpy has before a spawn key."""
-    return [master >> 32 * word & 0xFFFFFFFF for word in range(max(4, -(-master.bit_length() // 32)))]
+    return tuple(master >> 32 * word & 0xFFFFFFFF for word in range(max(4, -(-master.bit_length() // 32))))
 
 
 def robot_streams(sequence: np.random.SeedSequence, robots: int) -> StreamArray:

@@ -310,6 +310,7 @@ def test_words_sections_conditions_and_parameters_of_swept_controllers_can_be_ax
         ({"stop": {"reference_robot": 12}}, [{"count": 20}]),
         ({"schedule": [{"at_s": 1, "remove": [12]}, {"at_s": 2, "add": [12]}]}, [{"count": 20}]),
         ({"schedule": [{"at_s": 1, "set": {"robots.1.parameters.coupling": 0}}]}, [{"count": 2}, {"count": 3}]),
+        ({"robots": [{"count": 51}], "overhead": {"tags": "4X4_50"}}, [{"count": 50}]),
     ):
         assert points(swept := load_scenario({**base, "sweep": {"grid": {"robots": [robots]}}}))[0].axes
         assert (swept.notes, swept.has_t_sync) == ([], True)
