@@ -436,15 +436,11 @@ def check_command(name: str, values: npt.NDArray[Any], robots: IntArray) -> None
     """Raise ValueError if a command, by its name in `ACTUATORS`, to these robots is not allowed."""
     part = "ring" if name == "ring_on" else "wheels"
     if not len(robots):
-        raise ValueError(
-            f"{name} is given, but no robot has its {part} commanded from outside; give a group `controller: "
-            f"external`, external_{part} or a file with EXTERNAL = ({part!r},)"
-        )
+        instead = f"give a group `controller: external`, external_{part} or a file with EXTERNAL = ({part!r},)"
+        raise ValueError(f"{name} is given, but no robot has its {part} commanded from outside; {instead}")
     if values.shape not in ((), robots.shape):
-        raise ValueError(
-            f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot with {part} "
-            "commanded from outside, or a single one for all"
-        )
+        allowed = f"one value for each robot with {part} commanded from outside, or a single one for all"
+        raise ValueError(f"{name} has the shape {values.shape}; allowed: {robots.shape}, {allowed}")
     allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
     if part == "ring":
         allowed, fits = "true and false, or 1 and 0", (values == 0) | (values == 1)

@@ -226,18 +226,15 @@ def put_at_given_poses(swarm: Swarm, scenario: EmbodiedScenario) -> None:
             key = f"{scenario.name}: robots.{number}.poses.{row}: is [{x:g}, {y:g}]"
             gap = clearance_cm(swarm, float(x), float(y), swarm.scene[0].circles) - radius_cm
             if gap < -TOLERANCE_CM:
-                raise ScenarioError(
-                    f"{key}, {-gap:.3g} cm into a wall, an obstacle or a movable; "
-                    f"allowed: at least {radius_cm:g} cm away from them"
-                )
+                said = f"{-gap:.3g} cm into a wall, an obstacle or a movable"
+                raise ScenarioError(f"{key}, {said}; allowed: at least {radius_cm:g} cm away from them")
             apart_cm = robots["radius_cm"] + radius_cm
             gaps_cm = np.sqrt((robots["x"] - x) ** 2 + (robots["y"] - y) ** 2) - apart_cm
             nearest = gaps_cm.argmin()
             if scenario.contact.robots and gaps_cm[nearest] < -TOLERANCE_CM:
-                raise ScenarioError(
-                    f"{key} and overlaps the robot at [{robots['x'][nearest]:g}, {robots['y'][nearest]:g}]; "
-                    f"allowed: at least {apart_cm[nearest]:g} cm between centres"
-                )
+                other = f"the robot at [{robots['x'][nearest]:g}, {robots['y'][nearest]:g}]"
+                allowed = f"at least {apart_cm[nearest]:g} cm between centres"
+                raise ScenarioError(f"{key} and overlaps {other}; allowed: {allowed}")
             robots[["x", "y", "heading"]][numbers.start + row] = x, y, heading
 
 

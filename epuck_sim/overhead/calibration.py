@@ -186,10 +186,9 @@ def calibrate(
     floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)
     above_cm = options.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(floor_cm)
     if above_cm < MIN_HEIGHT_CM:
-        raise FilmError(
-            f"--arena-cm is {floor_cm[0]:g}x{floor_cm[1]:g}: a camera {above_cm:.3g} cm above it would be "
-            f"among the robots; the unit is cm; give another height, {MIN_HEIGHT_CM:g} or more, by --height-cm"
-        )
+        said = f"{floor_cm[0]:g}x{floor_cm[1]:g}: a camera {above_cm:.3g} cm above it would be among the robots"
+        allowed = f"another height, {MIN_HEIGHT_CM:g} or more, by --height-cm"
+        raise FilmError(f"--arena-cm is {said}; the unit is cm; give {allowed}")
     is_given = options.corners_px is not None
     corners, frames = (np.array(options.corners_px, float), frames) if is_given else _lit_corners(frames)
     background = Background()
@@ -206,10 +205,8 @@ def calibrate(
     if corners is not None and not is_given:
         found = found._replace(calibration=LIGHT)
     if found.tilt_deg > MAX_TILT_DEG:
-        raise FilmError(
-            f"{name}: by {found.calibration} the camera is tilted by {found.tilt_deg:.0f} degrees; allowed: up "
-            f"to {MAX_TILT_DEG:.0f}; give the floor's corners by --corners"
-        )
+        said = f"by {found.calibration} the camera is tilted by {found.tilt_deg:.0f} degrees"
+        raise FilmError(f"{name}: {said}; allowed: up to {MAX_TILT_DEG:.0f}; give the floor's corners by --corners")
     return found._replace(background=background.levels)
 
 

@@ -199,10 +199,8 @@ def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm:
     corner = math.hypot(*size) / 2 / focal_px
     lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r
     if section.distortion <= lowest:
-        raise EpuckSimError(
-            f"overhead.distortion is {section.distortion:g}, which would fold the corners of a picture with this field "
-            f"of view; allowed: above {lowest:.3g}"
-        )
+        said = f"{section.distortion:g}, which would fold the corners of a picture with this field of view"
+        raise EpuckSimError(f"overhead.distortion is {said}; allowed: above {lowest:.3g}")
     return simple_lens(*size, focal_px, section.distortion)
 
 
@@ -275,10 +273,9 @@ def _charuco_corners(grey: Light, squares: tuple[int, int]) -> View:
 def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> LensFile:
     """Return the usual or fisheye lens fitted to views of a board; raise FilmError if they do not determine one."""
     if len(views) < MIN_VIEWS:
-        raise FilmError(
-            f"{name}: the board is found in {len(views)} different positions; allowed: {MIN_VIEWS} or more; check "
-            "--board (squares across and down, not corners), light it evenly, and show it everywhere and tilted"
-        )
+        said = f"the board is found in {len(views)} different positions; allowed: {MIN_VIEWS} or more"
+        board = "--board (squares across and down, not corners), light it evenly, and show it everywhere and tilted"
+        raise FilmError(f"{name}: {said}; check {board}")
     try:
         error, matrix, terms, errors_px = _fit_lens(views, size_px, is_fisheye)
         is_right = errors_px <= MAX_MISFIT * np.median(errors_px)
@@ -340,8 +337,6 @@ def read_lens(path: Path, size_px: tuple[int, int]) -> Lens:
     if held.digest and held.digest != _digest(held):
         raise FilmError(f"{path}: was changed since epuck-sim calibrate wrote it; calibrate again")
     if size_px != (held.width_px, held.height_px):
-        raise FilmError(
-            f"{path}: was calibrated for pictures of {held.width_px} x {held.height_px} px, but these are "
-            f"{size_px[0]} x {size_px[1]} px; calibrate in the camera mode that you film in"
-        )
+        said = f"for pictures of {held.width_px} x {held.height_px} px, but these are {size_px[0]} x {size_px[1]} px"
+        raise FilmError(f"{path}: was calibrated {said}; calibrate in the camera mode that you film in")
     return held.lens

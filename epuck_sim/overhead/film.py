@@ -53,10 +53,8 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
     try:
         container = av.open(source, options=options, timeout=TIMEOUT_S if is_address else None, **ANY_METADATA)
     except FileNotFoundError as error:
-        raise FilmError(
-            f"{path_or_url}: no such file; allowed: a film, numbered pictures such as frames_%04d.png, or an address "
-            "such as http://..."
-        ) from error
+        allowed = "a film, numbered pictures such as frames_%04d.png, or an address such as http://..."
+        raise FilmError(f"{path_or_url}: no such file; allowed: {allowed}") from error
     except (FFmpegError, OSError, ValueError) as error:
         hint = NO_FILM if isinstance(error, InvalidDataError) else "; check the address" if is_address else ""
         why = getattr(error, "strerror", None) or error
@@ -132,10 +130,9 @@ class Film:
         has_no_stamps = self._container.format.name == "avi"  # AVI has only decoding times, in the same order
         for picture in chain([first], others):
             if (picture.width, picture.height) != (first.width, first.height):
-                raise FilmError(
-                    f"{self.name}: the size of its pictures changes from {first.width} x {first.height} to "
-                    f"{picture.width} x {picture.height} px after {self._clock.last_s:.3f} s; cut the film there"
-                )
+                sizes = f"from {first.width} x {first.height} to {picture.width} x {picture.height} px"
+                said = f"the size of its pictures changes {sizes} after {self._clock.last_s:.3f} s"
+                raise FilmError(f"{self.name}: {said}; cut the film there")
             ticks, unit_s = picture.dts if has_no_stamps else picture.pts, picture.time_base
             time_s = self._clock.time_s(None if ticks is None or unit_s is None else ticks * unit_s)
             if time_s is not None:
@@ -145,10 +142,8 @@ class Film:
         usual_s = self._clock.average_s
         read_s = self._clock.last_s + max(lasted_s, usual_s)
         if not self.ended_early and (self.duration_s or 0.0) - read_s > max(EARLY_S, 3 * usual_s):
-            self.ended_early = (
-                f"the film ends early: {read_s:.1f} of {self.duration_s:.1f} s could be read; the file was cut off "
-                "or is damaged"
-            )
+            said = f"{read_s:.1f} of {self.duration_s:.1f} s could be read; the file was cut off or is damaged"
+            self.ended_early = f"the film ends early: {said}"
 
 
 class FilmClock:
@@ -222,9 +217,8 @@ def _file_for_ffmpeg(path: str) -> tuple[str, dict[str, str]]:
     if file.is_fifo():
         raise FilmError(f"{path}: is a pipe, which can be read only once; save the film in a file first")
     if file.is_dir():
-        raise FilmError(
-            f"{path}: is a directory; give a film inside it, or numbered pictures such as {path}/frames_%04d.png"
-        )
+        inside = f"a film inside it, or numbered pictures such as {path}/frames_%04d.png"
+        raise FilmError(f"{path}: is a directory; give {inside}")
     if file.is_file() and not file.stat().st_size:
         raise FilmError(f"{path}: is empty: nothing was recorded, or the copy failed; record or copy it again")
     parts, numbers = re.split(r"%\d*d", file.name), []

@@ -178,10 +178,8 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
     """Yield an observer that films agents from above, as discs at their places in each picture."""
     population = population_of(scenario)
     if population.is_cube:
-        raise FilmError(
-            f"{scenario.name}: --film shows a floor, and its space has three dimensions; allowed: two or one; --record "
-            "and --live show it from above"
-        )
+        said = "--film shows a floor, and its space has three dimensions; allowed: two or one"
+        raise FilmError(f"{scenario.name}: {said}; --record and --live show it from above")
     side_cm, height_cm = population.largest_cm
     scale = (AGENTS_PX - 2 * AGENTS_MARGIN_PX) / side_cm
     height_px = AGENTS_PX if height_cm else SEGMENT_PX

@@ -47,24 +47,19 @@ def check_corners(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> F
     given = "--corners " + ",".join(f"{number:g}" for number in np.ravel(corners_px))
     corners, size = np.asarray(corners_px, float), np.array([width_px, height_px])
     if not ((corners >= -MAX_OUTSIDE * size) & (corners <= (1 + MAX_OUTSIDE) * size)).all():
-        raise FilmError(
-            f"{given}: a corner is far outside of the picture of {width_px} x {height_px} px; allowed: up "
-            "to a picture's width or height beyond its edges; columns and rows count from the upper left corner"
-        )
+        said = f"a corner is far outside of the picture of {width_px} x {height_px} px"
+        allowed = "up to a picture's width or height beyond its edges"
+        raise FilmError(f"{given}: {said}; allowed: {allowed}; columns and rows count from the upper left corner")
     away = corners - corners.mean(axis=0)
     corners = corners[np.argsort(np.arctan2(-away[:, 1], away[:, 0]), kind="stable")]
     if not is_convex(corners * (1, -1)):  # rows count downwards
-        raise FilmError(
-            f"{given}: these are not the corners of a convex quadrilateral; give the floor's four corners "
-            "as the picture shows them, in any order"
-        )
+        instead = "give the floor's four corners as the picture shows them, in any order"
+        raise FilmError(f"{given}: these are not the corners of a convex quadrilateral; {instead}")
     shortest = float(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).min())
     least = MIN_SIDE * min(width_px, height_px)
     if shortest < least:
-        raise FilmError(
-            f"{given}: the shortest side is {shortest:.3g} px; allowed: at least {least:.3g} px, because "
-            "rings cannot be located on a smaller floor"
-        )
+        allowed = f"at least {least:.3g} px, because rings cannot be located on a smaller floor"
+        raise FilmError(f"{given}: the shortest side is {shortest:.3g} px; allowed: {allowed}")
     lower_left = np.hypot(corners[:, 0], corners[:, 1] - (height_px - 1))
     return np.roll(corners, -int(lower_left.argmin()), axis=0)
 

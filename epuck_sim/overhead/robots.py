@@ -193,10 +193,9 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     expected, expected_robots = track.options.tag_numbers, track.options.robots
     readings = _only_once(_only_expected(readings, expected, len(track.times_s), warnings), warnings)
     if not len(readings.number):
-        raise FilmError(
-            f"{track.film}: no tag is read, or all are seen twice; check the dictionary, that the room is lit (at "
-            "least by infrared light), and that a module of a tag is three pixels wide or more"
-        )
+        is_lit = "that the room is lit (at least by infrared light)"
+        check = f"the dictionary, {is_lit}, and that a module of a tag is three pixels wide or more"
+        raise FilmError(f"{track.film}: no tag is read, or all are seen twice; check {check}")
     numbers = np.unique(readings.number)
     if expected is not None and (unread := sorted(expected - set(numbers.tolist()))):
         warnings.append(f"tags that are never read: {', '.join(map(str, unread))}")

@@ -215,10 +215,8 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     flashes, steady, counts = without_steady(counted, options.period_s)
     period_s = options.period_s or synchrony.estimate_period_s(times_s, counts)
     if period_s is None:
-        raise FilmError(
-            f"{film}: the period cannot be estimated from {times_s[-1] - times_s[0]:.3g} s of film{lit}, because the "
-            "flashes do not clearly repeat; give --period-s"
-        )
+        said = f"the period cannot be estimated from {times_s[-1] - times_s[0]:.3g} s of film{lit}"
+        raise FilmError(f"{film}: {said}, because the flashes do not clearly repeat; give --period-s")
     flash_s = _flash_s(times_s, counts, period_s)
     flashes = join_broken(flashes, flash_s)
     threshold_s = options.threshold_s(period_s, flash_s)

@@ -99,10 +99,8 @@ def put_in(
             else:  # robots pass through each other
                 is_free = start.clearance_cm(swarm, x, y, swarm.scene[0].circles) >= radius_cm - start.TOLERANCE_CM
             if not is_free:
-                raise ScenarioError(
-                    f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an "
-                    "obstacle or a movable; give a free place, or no poses"
-                )
+                why = "it would overlap a robot, a wall, an obstacle or a movable; give a free place, or no poses"
+                raise ScenarioError(f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: {why}")
             world.move(robot, pose)
         record.present = True
         group = group_of(swarm, robot)
@@ -122,10 +120,8 @@ def check_bodies_outside(swarm: Swarm, origin: str) -> None:
     for name, place, radius_cm in bodies:
         overlap_cm = radius_cm - start.clearance_cm(swarm, float(place.x), float(place.y), scene.first_movable)
         if overlap_cm > DEEPEST_CM:
-            raise ScenarioError(
-                f"{origin}: {name} at [{place.x:.4g}, {place.y:.4g}] would be {overlap_cm:.3g} cm into a wall or an "
-                "obstacle; change the arena elsewhere, or at another time"
-            )
+            said = f"{name} at [{place.x:.4g}, {place.y:.4g}] would be {overlap_cm:.3g} cm into a wall or an obstacle"
+            raise ScenarioError(f"{origin}: {said}; change the arena elsewhere, or at another time")
 
 
 def displace_phases(
