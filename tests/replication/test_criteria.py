@@ -336,15 +336,11 @@ def test_curves_that_are_one_over_another_quantity_collapse() -> None:
 X = np.linspace(-2, 3, 11)
 
 
-@given(st.lists(st.floats(-3, 3), min_size=2, max_size=6))
-def test_parallel_curves_are_as_far_apart_as_their_heights(heights) -> None:
+@given(st.lists(st.floats(-3, 3), min_size=2, max_size=6), st.floats(0.1, 5), st.floats(0.2, 2))
+def test_curves_are_as_far_apart_as_their_heights_and_lines_by_slope_times_shift(heights, slope, shift) -> None:
     courses = [(X, np.sin(X) + height) for height in heights]
     assert criteria.spread(courses) == pytest.approx(np.std(heights, ddof=1), abs=1e-9)
-
-
-@given(st.floats(0.1, 5), st.floats(0.2, 2))
-def test_shifted_lines_are_apart_by_slope_times_shift_where_both_are(slope, shift) -> None:
-    courses = [(X, slope * X), (X + shift, slope * X)]
+    courses = [(X, slope * X), (X + shift, slope * X)]  # where both are
     assert criteria.spread(courses) == pytest.approx(slope * shift / math.sqrt(2), rel=1e-6)
 
 

@@ -75,12 +75,6 @@ def test_few_trials_have_an_estimate_and_no_interval(statistic: Statistic, trial
     assert 30 <= found.value <= 75
 
 
-@pytest.mark.parametrize("use", [estimate, resample])
-def test_a_statistic_that_is_not_known_is_refused_instead_of_taken_for_another(use) -> None:
-    with pytest.raises(EpuckSimError, match="statistic is 'mode'; allowed: mean, median, weibull-mean"):
-        use(measured([1, 2, 3]), "mode")
-
-
 @pytest.mark.parametrize("limit", [math.inf, 120])
 @pytest.mark.parametrize("trials", [5, 200])
 def test_resampled_means_are_spread_like_the_means_of_new_trials(trials: int, limit: float) -> None:
@@ -175,7 +169,7 @@ def test_ranks_of_medians_are_sought_once_for_each_number_of_values(monkeypatch)
     assert found.median[:, 0].tolist() == [49.5, 1]
 
 
-def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp_path):
+def test_series_of_a_folder_have_statistics_and_what_is_no_series_or_statistic_is_refused(tmp_path):
     scenario = sweep({SPEED: [1, 2, 3]}, measures=["order_parameter"])
     law = {1: [[0.5, 0.75], 0.25], 2: [], 3: [[1.0], None]}
     folder = made_folders.store_measured(tmp_path / "run", scenario, lambda point: law[point.axes[SPEED]])
@@ -196,6 +190,9 @@ def test_series_of_a_folder_have_statistics_and_what_is_no_series_is_refused(tmp
         summarize_series(read_points(folder))
     with pytest.raises(ValueError, match="series has none; allowed: one or more"):
         series_statistics([])
+    for use in (estimate, resample):
+        with pytest.raises(EpuckSimError, match="statistic is 'mode'; allowed: mean, median, weibull-mean"):
+            use(measured([1, 2, 3]), "mode")
 
 
 # how the trials of the five points end: all, most, few, none synchronised; no trial

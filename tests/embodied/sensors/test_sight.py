@@ -81,14 +81,10 @@ def test_a_robot_well_beside_a_view_is_ruled_out(heading: float, width: float, b
     assert sight.may_contain_robot(view_of(0.0, 0.0, heading, 3.2), dx, dy)
 
 
-@given(st.floats(-100, 100).filter(bool), st.floats(-100, 100))
-def test_the_fast_angle_is_as_good_as_it_says(ahead: float, aside: float) -> None:
+@given(st.floats(-100, 100).filter(bool), st.floats(-100, 100), st.floats(3.7, 1000))
+def test_the_fast_angle_is_as_good_as_it_says_and_the_bound_of_the_radius_above_and_near_it(ahead, aside, distance):
     off = sight.fast_atan2(ahead, aside) - math.atan2(aside, ahead)
     assert abs(math.remainder(off, 2 * math.pi)) <= sight.ATAN2_ERROR_RAD
-
-
-@given(st.floats(3.7, 1000))
-def test_the_bound_of_the_angular_radius_is_above_it_and_near_it(distance: float) -> None:
     exact = math.asin(min(scenes.RADIUS_CM / distance, 1.0))
     assert exact - 1e-15 <= sight.angular_radius_bound(distance, scenes.RADIUS_CM)
     assert distance < 2 * scenes.RADIUS_CM or sight.angular_radius_bound(distance, scenes.RADIUS_CM) < 1.1 * exact
