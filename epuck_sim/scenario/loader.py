@@ -243,8 +243,9 @@ def _full_keys(
     if field and not (is_number and typed in kind.model_fields and section_classes(field.annotation)):
         return [typed]
     at_points = _with_controllers(given, [*_dotted(given.get("sweep"), *SweepAxes.model_fields), *axes])
-    known = [key for each in at_points for key in kind.all_keys(with_robots(each, origin, folder), folder)]
-    found = keys.full_keys(typed, [key for key in dict.fromkeys(known) if key != typed], where)
+    known = dict.fromkeys(key for each in at_points for key in kind.all_keys(with_robots(each, origin, folder), folder))
+    meant = [key for key in known if not field or re.search(r"\.(parameters|sensors)\.", key)]
+    found = keys.full_keys(typed, meant, where)
     found = found or keys.full_keys(typed, keys.keys_of_measures(given, typed, folder), where)
     if (len(found) > 1 or (found and field)) and where.startswith("--"):  # a file is refused
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)

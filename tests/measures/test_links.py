@@ -282,7 +282,6 @@ def slow_alarms(cycles, seconds, dead, seed):
 
 
 def test_false_alarms_are_those_of_a_slow_twin():
-    faults = [{"kind": "ring_dead", "robots": [2]}]
-    found = value({"false_alarms": {"cycles": 0.7}}, 120, faults, SWARM["robots"])
+    found = value({"false_alarms": {"cycles": 0.7}}, 120, [{"kind": "ring_dead", "robots": [2]}], SWARM["robots"])
     assert found == pytest.approx(slow_alarms(0.7, 120, 2, 5))
     assert found > 0
