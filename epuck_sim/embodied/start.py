@@ -245,14 +245,11 @@ def draw_places(block: ByteArray, scenario: EmbodiedScenario) -> None:
     for number, group, robots in groups:
         if group.placement == "grid" and (free := place_on_grid(block, robots.start, robots.stop)) != PLACED:
             columns, rows = _grid_points(scenario.arena.width_cm), _grid_points(scenario.arena.height_cm)
-            raise ScenarioError(
-                f"{scenario.name}: robots.{number}.count: is {group.count}; allowed: up to {free}, the free points of "
-                f"the grid of {columns} x {rows} in this arena; give fewer robots or a larger arena"
-            )
+            allowed = f"up to {free}, the free points of the grid of {columns} x {rows} in this arena"
+            said = f"robots.{number}.count: is {group.count}; allowed: {allowed}"
+            raise ScenarioError(f"{scenario.name}: {said}; give fewer robots or a larger arena")
     for number, group, robots in groups:
         if group.placement == "random" and (robot := place_at_random(block, robots.start, robots.stop)) != PLACED:
-            raise ScenarioError(
-                f"{scenario.name}: robots.{number}.count: is {group.count}; no free place was found for robot "
-                f"{robot - robots.start} in {MAX_DRAWS} draws: random placement fills at most about half of the "
-                "floor; give fewer robots, a larger arena, or poses"
-            )
+            said = f"no free place was found for robot {robot - robots.start} in {MAX_DRAWS} draws"
+            why = "random placement fills at most about half of the floor; give fewer robots, a larger arena, or poses"
+            raise ScenarioError(f"{scenario.name}: robots.{number}.count: is {group.count}; {said}: {why}")

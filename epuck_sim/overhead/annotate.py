@@ -77,8 +77,8 @@ class Annotator:
         while len(self._counts) > 1 and self._counts[1][0] < frame.time_s - PERIODS * self._period_s:
             self._counts.popleft()
         annotated = np.zeros((self.height_px, self.width_px, 3), np.uint8)
-        height, width = frame.picture.shape[:2]
-        annotated[:height, :width] = frame.picture
+        picture = frame.picture  # which merges its colours each time
+        annotated[: len(picture), : picture.shape[1]] = picture
         one, thick = 1 << SUBPIXEL_BITS, max(1, round(self._line_px / 10))
         for ring in rings:
             centre, radius = (round(ring.x_px * one), round(ring.y_px * one)), round(ring.radius_px * one)
