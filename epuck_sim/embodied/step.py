@@ -94,6 +94,7 @@ class Step(NamedTuple):
         A ring is seen as it was commanded in the step before. A camera with fewer pictures than steps shows it later.
         """
         if "sightings" not in self.found:
+            self._require_last("sightings")
             robots = self.scene.swarm.robots
             listed = robots.ring_before[None].copy()
             sightings = find_sightings(self.scene, poses_of(robots)[None].copy(), robots.present, listed)
@@ -108,9 +109,15 @@ class Step(NamedTuple):
         robot with the lower number.
         """
         if "contacts" not in self.found:
+            self._require_last("contacts")
             poses = poses_of(self.scene.swarm.robots)[None].copy()
             self.found["contacts"] = _read_only(find_contacts(self.scene, poses)[0][:, 1:].copy())
         return self.found["contacts"]
+
+    def _require_last(self, what: str) -> None:
+        """Raise ValueError if a later step has been taken, as robots stand elsewhere then."""
+        if (last := int(self.scene.swarm.scene["step"][0])) != self.number:
+            raise ValueError(f"step {self.number} is over: {last} is the last; ask for {what} earlier, and keep them")
 
     def copied(self) -> "Step":
         """Return this step with arrays of its own, which the next step does not overwrite."""

@@ -316,11 +316,15 @@ def test_changed_parameters_act_from_the_next_step_on_reset_takes_them_back_and_
         assert not simulation.snapshot().changes
 
 
-def test_no_observer_changes_what_others_are_shown():
-    step = Simulation("thesis", 1).advance(5)
+def test_no_observer_changes_what_others_are_shown_or_asks_for_contacts_that_are_over():
+    simulation = Simulation("thesis", 1)
+    step = simulation.advance(5)
     shown = [each for each in (*step, *step.memories, step.sightings, step.contacts) if isinstance(each, np.ndarray)]
     assert len(shown) == 12
     assert not any(array.flags.writeable for array in shown)
+    kept, _ = next(simulation).copied(), next(simulation)
+    with pytest.raises(ValueError, match="step 5 is over: 6 is the last; ask for contacts earlier, and keep them"):
+        _ = kept.contacts
 
 
 def test_a_list_of_numbers_is_a_parameter_of_scenarios_axes_and_running_trials(tmp_path):
