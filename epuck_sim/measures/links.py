@@ -124,16 +124,23 @@ def component_sizes(links: IntArray, population: int, connection: str, cycles: i
     Links are ascending. In a weak component they count as if they led both ways; in a strong one every member reaches
     all others.
     """
+    component, cycle_of = find_components(*ends_of(links, population), population, cycles, connection)
+    return np.bincount(component), cycle_of
+
+
+def find_components(
+    senders: IntArray, receivers: IntArray, population: int, graphs: int, connection: str
+) -> tuple[IntArray, IntArray]:
+    """Return (graphs * population,) the component of each node, and (components,) the graph of each; senders ascend."""
     from scipy.sparse import csr_array  # takes a fifth of a second, and few trials need it
     from scipy.sparse.csgraph import connected_components
 
-    senders, receivers = ends_of(links, population)
-    nodes = np.arange(cycles * population + 1)
-    graph = csr_array((np.ones(len(links)), receivers, np.searchsorted(senders, nodes)), (len(nodes) - 1,) * 2)
-    count, component = connected_components(graph, connection=connection)
-    cycle_of = np.zeros(count, np.int64)
-    cycle_of[component] = nodes[:-1] // population
-    return np.bincount(component), cycle_of
+    nodes = np.arange(graphs * population + 1)
+    links = csr_array((np.ones(len(senders)), receivers, np.searchsorted(senders, nodes)), (len(nodes) - 1,) * 2)
+    count, component = connected_components(links, connection=connection)
+    graph_of = np.zeros(count, np.int64)
+    graph_of[component] = nodes[:-1] // population
+    return component, graph_of
 
 
 @dataclass

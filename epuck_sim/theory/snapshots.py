@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.estimate import Estimate
+from epuck_sim.measures.links import find_components
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario, ParticleStop, RandomAgents, ResponseSection, StartSection
@@ -157,14 +156,10 @@ def count_components(snapshots: BoolArray) -> tuple[IntArray, IntArray]:
     count, population, _ = snapshots.shape
     which, sender, receiver = np.nonzero(snapshots)
     ends = which * population + sender, which * population + receiver
-    size = count * population
-    graph = coo_array((np.ones(len(which), np.int8), ends), shape=(size, size))
-    found, component = connected_components(graph, directed=True, connection="strong")
-    has_way_in = np.zeros(found, np.bool_)
+    component, snapshot_of = find_components(*ends, population, count, "strong")
+    has_way_in = np.zeros(len(snapshot_of), np.bool_)
     one, other = component[ends[0]], component[ends[1]]
     has_way_in[other[one != other]] = True
-    snapshot_of = np.zeros(found, np.int64)
-    snapshot_of[component] = np.arange(size) // population
     return np.bincount(snapshot_of, minlength=count), np.bincount(snapshot_of[~has_way_in], minlength=count)
 
 
