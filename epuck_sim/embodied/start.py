@@ -21,6 +21,7 @@ from epuck_sim.util import generators
 from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.rng import uniform
+from epuck_sim.util.seeds import seed_words
 
 PLACEMENT, INFRARED_NOISE, WHEEL_NOISE, CONTROLLERS, VARIATION, SIGNALS, FAULTS, SCHEDULE, SENSORS = range(9)
 """Spawn keys of the trial's seed: each has random numbers of its own, independent of those of all others."""
@@ -28,7 +29,7 @@ PLACEMENT, INFRARED_NOISE, WHEEL_NOISE, CONTROLLERS, VARIATION, SIGNALS, FAULTS,
 
 def draw_start(block: ByteArray, seed: int) -> None:
     """Set the generators and streams of a new swarm to their states at the start of the trial with this seed."""
-    draw_all(block, generators.seed_words(seed), np.empty(2 * generators.SEQUENCE_WORDS, np.uint64))
+    draw_all(block, seed_words(seed), np.empty(2 * generators.SEQUENCE_WORDS, np.uint64))
 
 
 @jit_no_alloc

@@ -28,6 +28,7 @@ from epuck_sim.util import generators
 from epuck_sim.util.elementary import exp, log
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.native import address_of, call, carve
+from epuck_sim.util.seeds import seed_words
 
 SHORTEST_PERIOD = 0.1
 """Lower limit of a jittered period, in nominal periods; jitter is at most 0.2, so that hardly any draw is below it."""
@@ -234,7 +235,7 @@ def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
     """Return the generator of a child of the trial's seed after it has drawn this many numbers from [0, 1)."""
     generator = np.empty(generators.GENERATOR_WORDS, np.uint64)
     sequence = np.empty(generators.SEQUENCE_WORDS, np.uint64)
-    generators.begin_sequence(sequence, generators.seed_words(seed))
+    generators.begin_sequence(sequence, seed_words(seed))
     generators.spawn(sequence, sequence, child)
     generators.seed_pcg64(generator, sequence)
     generators.fill_doubles(np.empty(numbers), generator)

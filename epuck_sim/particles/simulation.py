@@ -28,9 +28,9 @@ from epuck_sim.scenario.changes import AgentDisplacement, TrialEvent, timed_entr
 from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import ScenarioLike, seed_of_trial
-from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import ANOTHER_THREAD, numbered, whole
 from epuck_sim.util.native import address_of
+from epuck_sim.util.seeds import seed_words
 
 NEVER: Moment = (math.inf, 0.0)  # later than any moment of a trial
 UNLIMITED = 2**62  # larger than any count or cycle number

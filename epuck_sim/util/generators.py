@@ -54,19 +54,6 @@ _HIGHER_LAYER = 38
 """Layer whose height numpy has one unit in the last place too high, by the exponential of the program that made it."""
 
 
-def seed_words(*seeds: int) -> WordArray:
-    """Return (n,) the words of 32 bits of whole numbers, however large, as numpy splits the numbers of an entropy.
-
-    >>> seed_words(7, 2**32 + 5).tolist()
-    [7, 5, 1]
-    """
-    words: list[int] = []
-    for seed in seeds:
-        length = max(1, -(-seed.bit_length() // 32))
-        words.extend(seed >> 32 * word & 0xFFFFFFFF for word in range(length))
-    return np.array(words, np.uint64)
-
-
 @jit_inline
 def _hashed(value: np.uint64, sequence: WordArray) -> np.uint64:
     """Hash a word with the sequence's factor, which advances."""
@@ -87,7 +74,7 @@ def _mix_in(word: np.uint64, sequence: WordArray, but: int = _POOL) -> None:
 
 @jit_no_alloc
 def begin_sequence(sequence: WordArray, words: WordArray) -> None:
-    """Set a sequence to numpy's `SeedSequence` of the `seed_words` of a seed or a list; zeros may follow, up to 4."""
+    """Set a sequence to numpy's `SeedSequence` of the `seeds.seed_words` of a seed or a list; up to 4, 0 may follow."""
     sequence[_POOL] = _MIX_BEGIN
     for place in range(_POOL):
         sequence[place] = _hashed(words[place] if place < len(words) else np.uint64(0), sequence)

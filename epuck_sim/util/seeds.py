@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from epuck_sim.arrays import StreamArray
+from epuck_sim.arrays import StreamArray, WordArray
 
 SEED_BITS = 53  # number of bits of a derived seed: every JSON reader and spreadsheet keeps such integers unchanged
 
@@ -40,10 +40,21 @@ def _derived(master: int, spawn_key: tuple[int, ...]) -> int:
     return int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0]) >> (64 - SEED_BITS)
 
 
+def seed_words(*seeds: int) -> WordArray:
+    """Return (n,) the words of 32 bits of whole numbers, however large, as numpy splits the numbers of an entropy.
+
+    >>> seed_words(7, 2**32 + 5).tolist()
+    [7, 5, 1]
+    """
+    counts = [(seed, max(1, -(-seed.bit_length() // 32))) for seed in seeds]
+    return np.array([seed >> 32 * word & 0xFFFFFFFF for seed, count in counts for word in range(count)], np.uint64)
+
+
 @lru_cache
 def _padded_words(master: int) -> tuple[int, ...]:
-    """Return the words of 32 bits of a master seed, with zeros up to the four that numpy has before a spawn key."""
-    return tuple(master >> 32 * word & 0xFFFFFFFF for word in range(max(4, -(-master.bit_length() // 32))))
+    """Return the `seed_words` of a master seed, with zeros up to the four that numpy has before a spawn key."""
+    words: list[int] = seed_words(master).tolist()
+    return (*words, *[0] * (4 - len(words)))
 
 
 def robot_streams(sequence: np.random.SeedSequence, robots: int) -> StreamArray:

@@ -20,7 +20,7 @@ from epuck_sim import elementary
 from epuck_sim.util import elementary as kernels
 from epuck_sim.util import generators as ours
 from epuck_sim.util.rng import next_word, randint, uniform
-from epuck_sim.util.seeds import robot_streams, trial_seed
+from epuck_sim.util.seeds import robot_streams, seed_words, trial_seed
 
 DIGESTS = {  # of what each function gives, on every machine
     "sin": "e1d96b6307f7f3be",
@@ -222,7 +222,7 @@ def words_of(sequence, count=4):
 
 def both(kind, seed, key=()):
     generator = np.ones(ours.GENERATOR_WORDS, np.uint64)  # which seeding has to overwrite
-    {"sfc64": ours.seed_sfc64, "pcg64": ours.seed_pcg64}[kind](generator, sequence_of(ours.seed_words(seed), key))
+    {"sfc64": ours.seed_sfc64, "pcg64": ours.seed_pcg64}[kind](generator, sequence_of(seed_words(seed), key))
     return generator, np.random.Generator(IN_NUMPY[kind](np.random.SeedSequence(seed, spawn_key=key)))
 
 
@@ -234,14 +234,14 @@ def drawn(draw, generator, count=10):
 @given(seed=SEEDS, key=KEYS, words=st.integers(0, 20))
 def test_a_sequence_draws_what_numpy_s_does(seed, key, words):
     expected = np.random.SeedSequence(seed, spawn_key=key).generate_state(words, np.uint64)
-    assert words_of(sequence_of(ours.seed_words(seed), key), words) == expected.tolist()
+    assert words_of(sequence_of(seed_words(seed), key), words) == expected.tolist()
 
 
 @FEW
 @given(seeds=st.lists(SEEDS, min_size=1, max_size=4))
 def test_a_seed_may_be_several_numbers_and_zeros_may_follow_up_to_four_words(seeds):
     expected = np.random.SeedSequence(seeds).generate_state(4, np.uint64)
-    words = ours.seed_words(*seeds)
+    words = seed_words(*seeds)
     for each in (words, np.pad(words, (0, max(0, 4 - len(words))))):
         assert words_of(sequence_of(each)) == expected.tolist()
 
@@ -249,16 +249,16 @@ def test_a_seed_may_be_several_numbers_and_zeros_may_follow_up_to_four_words(see
 @FEW
 @given(seed=SEEDS, key=st.integers(0, 2**62))
 def test_a_parent_stays_as_it_is(seed, key):
-    parent, child = sequence_of(ours.seed_words(seed)), np.zeros(ours.SEQUENCE_WORDS, np.uint64)
+    parent, child = sequence_of(seed_words(seed)), np.zeros(ours.SEQUENCE_WORDS, np.uint64)
     ours.spawn(child, parent, key)
-    assert (parent == sequence_of(ours.seed_words(seed))).all()
-    assert (child == sequence_of(ours.seed_words(seed), [key])).all()
+    assert (parent == sequence_of(seed_words(seed))).all()
+    assert (child == sequence_of(seed_words(seed), [key])).all()
 
 
 @FEW
 @given(seed=SEEDS, robots=st.integers(0, 30))
 def test_streams_are_those_of_the_robots(seed, robots):
-    sequence, stream, factor = sequence_of(ours.seed_words(seed), [3]), np.zeros(4, np.uint64), ours.DRAW_BEGIN
+    sequence, stream, factor = sequence_of(seed_words(seed), [3]), np.zeros(4, np.uint64), ours.DRAW_BEGIN
     for expected in robot_streams(np.random.SeedSequence(seed, spawn_key=(3,)), robots):
         factor = ours.draw_row(stream, sequence, np.uint64(factor))
         assert (stream == expected).all()
