@@ -206,12 +206,12 @@ def observe_together(
     most = 0
     for number in range(len(places)):
         own = array_at(block, places[number, 0], places[number, 0] + len(block), BYTE)
-        swarm, kind = swarm_at(own), 0
+        swarm, place = swarm_at(own), 0
         for agent in range(len(agents)):
             robot, row = swarm.robots[agents[agent]], seen[number, agent]
-            while swarm.groups[kind].first + swarm.groups[kind].count <= agents[agent]:
-                kind += 1
-            group = swarm.groups[kind]
+            while swarm.groups[place].first + swarm.groups[place].count <= agents[agent]:
+                place += 1  # agents ascend
+            group = swarm.groups[place]
             first = group.row + (agents[agent] - group.first) * group.pixels
             for pixel in range(group.pixels):
                 row[pixel] = swarm.pixels[first + pixel]
@@ -224,9 +224,9 @@ def observe_together(
         count = write_contacts(own, poses[number : number + 1], found, points)
         for touching in range(len(swarm.robots)):
             contacts[number, touching] = 0
-        for place in range(min(3 * count, len(found))):
-            if place % 3 > 0 and found[place] >= 0:  # a robot; before each pair stands 0
-                contacts[number, found[place]] += 1
+        for word in range(min(3 * count, len(found))):
+            if word % 3 > 0 and found[word] >= 0:  # a robot; before each pair stands 0
+                contacts[number, found[word]] += 1
         most = max(most, count)
     return most
 

@@ -4,7 +4,6 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
-import re
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -168,7 +167,8 @@ class EmbodiedScenario(Scenario):
         for number, group in enumerate(self.robots):
             key, control_hz = f"robots.{number}.camera.frames_per_s", self.timing.control_hz
             check_range(key, group.camera.frames_per_s, 0.1, control_hz, " (timing.control_hz)")
-        if not any(re.fullmatch(r"robots(\.\d+(\.(count|present))?)?", key) for key in self.swept):
+        places = range(len(self.robots))
+        if not any(self._is_swept(place, part) for place in places for part in ("count", "present")):
             self._check_numbers()  # else they are known at each point only
         check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
 
@@ -332,7 +332,7 @@ class EmbodiedScenario(Scenario):
         return found
 
     def _is_swept(self, place: int, part: str) -> bool:
-        """Return whether a group's controller, or its sensors, are known at each point of a sweep only."""
+        """Return whether a part of a group, such as its controller, is known at each point of a sweep only."""
         return not {part, "robots", f"robots.{place}", f"robots.{place}.{part}"}.isdisjoint(self.swept)
 
     def _check_oscillators(self, origin: str) -> None:

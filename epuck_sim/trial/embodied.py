@@ -169,7 +169,7 @@ def run_robots(
             for observer in measuring.at_cycles:
                 observer(step, watch)
     outcome, stop = watch.outcome, simulation.scenario.stop
-    has_t_sync = stop.gives_t_sync or (watch.measures and stop.order_parameter is not None)
+    has_t_sync = stop.gives_t_sync or (watch.measures and stop.has_t_sync)
     is_known = watch.is_synchronised or (stop.gives_t_sync and measuring.is_over())
     return TrialResult(
         scenario=simulation.scenario.name,
