@@ -124,6 +124,12 @@ def reduced(levels: Light, times: int) -> Light:
     return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
 
 
+def extent(is_lit: BoolArray, margin: int = 0) -> tuple[slice, slice]:
+    """Return the rows and the columns of a picture in which something is lit, with a margin on all sides."""
+    column, row, columns, rows = cv2.boundingRect(is_lit.view(np.uint8))
+    return slice(max(row - margin, 0), row + rows + margin), slice(max(column - margin, 0), column + columns + margin)
+
+
 class Background:
     """Learns the background of the dark frames of a film: the least light of each pixel, which rises slowly.
 
@@ -347,12 +353,14 @@ class RectifiedView:
         smooth = cv2.blur(light, (self._smooth_px, self._smooth_px))
         coarse = np.asarray(cv2.remap(smooth, *self._coarse, cv2.INTER_LINEAR), np.uint8)
         coarse = _close_gaps(coarse, gaps_cm * COARSE_PER_CM)
-        response = np.asarray(cv2.filter2D(coarse.astype(np.float32), cv2.CV_32F, _RING_FILTER))
+        part = extent(coarse >= least, len(_RING_FILTER) - 1)  # at its edges the response is not right
+        response = np.asarray(cv2.filter2D(coarse[part].astype(np.float32), cv2.CV_32F, _RING_FILTER))
         least = max(least, MIN_RELATIVE_LIGHT * float(response.max()))
         rows, columns = np.nonzero((response >= cv2.dilate(response, _WITHIN_1_CM)) & (response >= least))
         order = np.argsort(-response[rows, columns], kind="stable")[:MAX_CANDIDATES]
         cells = self.cells_per_cm // COARSE_PER_CM
-        return np.column_stack([columns[order], rows[order]]) * cells + (cells - 1) / 2, least
+        places = np.column_stack([columns[order] + part[1].start, rows[order] + part[0].start])
+        return places * cells + (cells - 1) / 2, least
 
     def centres_cm(self, fits: list[Fit]) -> FloatArray:
         """Return (fits, 3) cm: the centres of rings in the arena's frame."""

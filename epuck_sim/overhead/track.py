@@ -280,11 +280,12 @@ def without_steady(counted: CountedRings, period_s: float | None) -> tuple[tuple
     than at others are those of a lamp that the camera sees now and then. As a description does not say how bright rings
     are, dim flashes that are nearer to a wall than robots can be are left out, too.
     """
-    from scipy.spatial import KDTree  # noqa: PLC0415 takes a while to load
-
     onset_s, end_s, places, _, light = FlashTable.of(counted.flashes)
     longest_s = period_s / 2 if period_s else max(LONG_FLASHES * np.median(end_s - onset_s), SHORTEST_STEADY_S)
-    here = KDTree(places).query_ball_point(places, SAME_PLACE_CM, return_length=True)
+    x_cm, y_cm = places.T  # a tree of places would take longer to load from SciPy than this takes for hours of film
+    parts = np.array_split(places, 1 + len(places) // 100)
+    apart_2 = ((part[:, :1] - x_cm) ** 2 + (part[:, 1:] - y_cm) ** 2 for part in parts)
+    here = np.concatenate([np.count_nonzero(each <= SAME_PLACE_CM**2, axis=1) for each in apart_2])
     is_steady = (end_s - onset_s > longest_s) | (here > max(FEWEST_FLICKERS, MOST_FLICKERS * np.median(here)))
     to_wall_cm = np.minimum(places, counted.geometry.floor_cm - places).min(axis=1)
     is_none = (to_wall_cm < epuck.RADIUS_CM - OFF_CM) & (light < MIN_RELATIVE_LIGHT * np.median(light))
