@@ -273,21 +273,24 @@ class _Importer(MetaPathFinder, Loader):
         source = self.sources[path] = path.read_bytes()
         self.modules[path] = module
         exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
-        vars(module)[AS_LOADED] = {name: fingerprint(value) for name, value in vars(module).items()}
+        own = {name: value for name, value in vars(module).items() if not name.startswith("__")}  # not Python's own
+        vars(module)[AS_LOADED] = {name: fingerprint(value) for name, value in own.items()}
 
 
-def fingerprint(value: object) -> object:
-    """Return the contents of numbers, text, arrays, functions and containers, and the type of anything else."""
+def fingerprint(value: object, inside: Collection[int] = ()) -> object:
+    """Return the contents of numbers, text, arrays, functions and containers, and the type of anything else.
+
+    A container that is inside of itself is not opened again; `inside` are the `id`s of those around a value.
+    """
     if isinstance(value, FunctionType):
         return value.__code__
     if isinstance(value, bool | int | float | complex | str | bytes | np.generic):
         return type(value), repr(value)
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return value.dtype, value.shape, hashlib.sha256(value.tobytes()).digest()
-    if isinstance(value, dict):
-        return dict, tuple((fingerprint(key), fingerprint(each)) for key, each in value.items())
-    if isinstance(value, list | tuple):
-        return type(value), tuple(map(fingerprint, value))
+    if isinstance(value, dict | list | tuple) and id(value) not in inside:
+        parts = value.items() if isinstance(value, dict) else value
+        return type(value), tuple(fingerprint(each, (*inside, id(value))) for each in parts)
     return type(value)
 
 

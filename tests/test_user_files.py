@@ -1,5 +1,6 @@
 """What users write is found by name and by path, also what installed packages offer, and reloaded after an edit."""
 
+import builtins
 import importlib
 import json
 import subprocess
@@ -237,6 +238,14 @@ def test_threads_load_files_one_at_a_time(tmp_path):
     with ThreadPoolExecutor(4) as threads:
         found = list(threads.map(lambda path: load_scenario("pair", measures=[path]), paths))
     assert [each.name for scenario in found for each in scenario.measures] == [path.stem for path in paths]
+
+
+def test_a_file_may_hold_what_contains_itself_and_so_may_python(tmp_path, monkeypatch):
+    monkeypatch.setattr(builtins, "_", {"__builtins__": vars(builtins)}, raising=False)  # as `>>> namespace` does
+    (path := tmp_path / "ring.py").write_text(
+        "RING = [1]\nRING.append(RING)\n\n\ndef ring(simulation):\n    return 1\n"
+    )
+    assert find_measure(str(path)).name == "ring"
 
 
 def test_an_edit_while_a_file_is_loaded_is_noticed_at_the_next_look(tmp_path):
