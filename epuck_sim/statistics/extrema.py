@@ -223,71 +223,55 @@ class ExtremaSearch(NamedTuple):
     reason: str  # why it cannot, and what would be enough; empty where it can
 
 
+_VAGUE = f"it is known well enough at fewer than {MIN_SPEEDS} points: raise stop.max_cycles, or give more --trials"
+
+
 def search_extrema(curve: Curve) -> ExtremaSearch:
     """Look for the local minimum and the peak of a curve over speed, at the points that `_usable` returns."""
-    tried, usable = _usable(curve)
-    if reason := _reason_against(curve, tried, usable):
-        return ExtremaSearch({}, None, reason)
-    found = find_minimum_and_peak(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
+    usable, reason = _usable(curve)
+    found = None
+    if not reason:
+        found = find_minimum_and_peak(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
     if found is None:
-        return ExtremaSearch({}, None, f"at fewer than {MIN_SPEEDS} speeds T_sync is known well enough")
+        return ExtremaSearch({}, None, reason or _VAGUE)
     return ExtremaSearch(dict(zip(PLACES, found.places, strict=False)), found.p_value, "")
 
 
 def search_measure(curve: Curve) -> tuple[Extrema | None, Extrema | None, str]:
     """Look for the minimum and the peak of a curve of a measure; None, and why, where they cannot be looked for."""
-    _, usable = _usable(curve)
-    if reason := _reason_against_measure(curve, usable):
-        return None, None, reason
-    fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
-    assert fit is not None  # there are `MIN_SPEEDS` points or more
-    return find_minimum(fit), find_peak(fit), ""
+    if curve.is_share:
+        return None, None, "the measure is a truth value, and the search is in logarithms, which shares do not suit"
+    usable, reason = _usable(curve)
+    known, resampled = curve.values[usable], curve.resampled[:, usable]
+    if (known <= 0).any() or (resampled <= 0).any():
+        return None, None, "not all values are positive, and the search is in logarithms"
+    fit = None if reason else smooth_logs(curve.x[usable], known, resampled)
+    return (find_minimum(fit), find_peak(fit), "") if fit else (None, None, reason or _VAGUE)
 
 
-def _usable(curve: Curve) -> tuple[BoolArray, BoolArray]:
-    """Return which points have `ENOUGH_TRIALS`, and which of these are not censored by half or more, (S,) each."""
-    tried = (curve.x > 0) & (curve.trials >= ENOUGH_TRIALS)
-    return tried, tried & (curve.censored < MOST_CENSORED) & np.isfinite(curve.values)
-
-
-def _reason_against(curve: Curve, tried: BoolArray, usable: BoolArray) -> str:
-    speeds, enough, left = (np.count_nonzero(chosen) for chosen in (curve.x > 0, tried, usable))
-    if speeds < MIN_SPEEDS:
-        return f"{speeds} speeds; a minimum and a peak need {MIN_SPEEDS}"
+def _usable(curve: Curve) -> tuple[BoolArray, str]:
+    """Return which points have `ENOUGH_TRIALS`, less than half of them censored, (S,), and why they are not enough."""
+    moving = curve.x > 0
+    tried = moving & (curve.trials >= ENOUGH_TRIALS)
+    usable = tried & (curve.censored < MOST_CENSORED) & np.isfinite(curve.values)
+    positive, enough, left = map(np.count_nonzero, (moving, tried, usable))
+    points, trials = ("speeds", "trials") if curve.of is None else ("points", "trials with a value")
+    if positive < MIN_SPEEDS:
+        return usable, f"{positive} {points} above 0; a minimum and a peak need {MIN_SPEEDS}"
     if enough < MIN_SPEEDS:
-        return (
-            f"fewer than {ENOUGH_TRIALS} trials at {speeds - enough} of {speeds} speeds, where noise can look like "
-            f"a rise; give --trials {ENOUGH_TRIALS} or more: 200 show a rise of a fifth"
-        )
+        few = f"fewer than {ENOUGH_TRIALS} {trials} at {positive - enough} of {positive} {points}"
+        more = f"give --trials {ENOUGH_TRIALS} or more{': 200 show a rise of a fifth' * (curve.of is None)}"
+        return usable, f"{few}, where noise can look like a rise; {more}"
+    censored = "half of the trials or more are censored"
     if left < MIN_SPEEDS:
-        return (
-            f"half of the trials or more are censored at {enough - left} of {enough} speeds; {MIN_SPEEDS} others are "
-            "needed: raise stop.max_cycles"
-        )
+        others = f"{MIN_SPEEDS} others are needed: raise stop.max_cycles"
+        return usable, f"{censored} at {enough - left} of {enough} {points}; {others}"
     first, last = np.flatnonzero(usable)[[0, -1]]
     hidden = curve.x[first:last][(tried & ~usable)[first:last]]
     if len(hidden):
-        return (
-            f"half of the trials or more are censored from V = {hidden[0]:g} to {hidden[-1]:g} cm/s, where a peak may "
-            "be: raise stop.max_cycles"
-        )
-    return ""
-
-
-def _reason_against_measure(curve: Curve, usable: BoolArray) -> str:
-    positive, left = np.count_nonzero(curve.x > 0), np.count_nonzero(usable)
-    if curve.is_share:
-        return "the measure is a truth value, and the search is in logarithms, which shares do not suit"
-    if (curve.values[usable] <= 0).any() or (curve.resampled[:, usable] <= 0).any():
-        return "not all values are positive, and the search is in logarithms"
-    if positive < MIN_SPEEDS:
-        return f"{positive} positive values of the axis; a minimum and a peak need {MIN_SPEEDS}"
-    if left < MIN_SPEEDS:
-        return (
-            f"fewer than {ENOUGH_TRIALS} trials with a value at {positive - left} of {positive} points, where noise "
-            f"can look like a rise; give --trials {ENOUGH_TRIALS} or more"
-        )
-    return ""
+        where = f"{hidden[0]:g} to {hidden[-1]:g}{' cm/s' * (curve.of is None)}"
+        return usable, f"{censored} from {where}, where a peak may be: raise stop.max_cycles"
+    return usable, ""
 
 
 FAST_FACTOR = 2.0  # T_sync at V_f, as a multiple of that at the largest speed. The thesis gives no definition

@@ -292,7 +292,7 @@ def test_tables_have_the_numbers_of_the_curves_and_their_extrema_or_say_why_ther
         numbers = [end for place in search.places.values() for end in place.estimate.ends] or [math.nan] * 12
         assert [*row.values()] == in_csv(*curve.axes.values(), *numbers, search.p_value, "")
     (row,) = written(form_of([curve_of(BUMPY.values[:5])]).tables["-regimes.csv"])
-    assert [*row.values()] == [*[""] * 13, "5 speeds; a minimum and a peak need 6"]
+    assert [*row.values()] == [*[""] * 13, "5 speeds above 0; a minimum and a peak need 6"]
     assert [*form_of([curve_of(BUMPY.values, x=np.arange(13) + 2)], COUNT).tables] == [".csv"]
     axes = {"noise": 'a "quoted", name', "arena.floor": {"picture": True}, "stop.max_time_s": None, COUNT: 10}
     for table in form_of([curve_of([3, 2], x=np.array([1.23456789, 2]), axes=axes)]).tables.values():

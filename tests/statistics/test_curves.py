@@ -14,7 +14,14 @@ from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguishing_axes
 from epuck_sim.statistics import Statistic, extrema
 from epuck_sim.statistics.curves import Curve, read_curves
-from epuck_sim.statistics.extrema import find_minimum, find_minimum_and_peak, find_peak, search_extrema, smooth_logs
+from epuck_sim.statistics.extrema import (
+    find_minimum,
+    find_minimum_and_peak,
+    find_peak,
+    search_extrema,
+    search_measure,
+    smooth_logs,
+)
 from epuck_sim.statistics.fit import fit_measure
 from tests.runs import made_folders
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, WIDTH, censored, ended, in_memory, sweep, weibull
@@ -295,13 +302,23 @@ def test_with_few_trials_there_is_no_p_value_but_how_many_are_the_least_and_spee
 
 def test_why_there_is_none_is_said_of_few_speeds_without_the_one_at_rest_and_where_censoring_may_hide_a_peak() -> None:
     few = search_extrema(curve_of(made_folders.falling, [1, 2, 3, 4, 5]))
-    assert few.reason == "5 speeds; a minimum and a peak need 6"
-    assert search_extrema(curve_of(lambda _: ended(range(1, 40)), range(6))).reason.startswith("5 speeds;")
+    assert few.reason == "5 speeds above 0; a minimum and a peak need 6"
+    assert search_extrema(curve_of(lambda _: ended(range(1, 40)), range(6))).reason.startswith("5 speeds above 0;")
     assert search_extrema(curve_of(made_folders.falling, range(1, extrema.MIN_SPEEDS + 1))).reason == ""
     half_censored = ended([20, 30] * 15 + [50] * 30, [True] * 30 + [False] * 30)
     found = search_extrema(curve_of(lambda p: half_censored if 5 <= p.number <= 7 else made_folders.bumpy(p)))
-    why = "half of the trials or more are censored from V = 0.5 to 1.3 cm/s, where a peak may be: raise stop.max_cycles"
+    why = "half of the trials or more are censored from 0.5 to 1.3 cm/s, where a peak may be: raise stop.max_cycles"
     assert found.reason == why
+
+
+@pytest.mark.parametrize(("known", "why"), [(30, "half of the trials or more"), (32, "it is known well enough")])
+def test_t_sync_along_any_axis_has_the_same_reasons_and_one_of_medians_that_few_resamples_reach(known, why) -> None:
+    law = ended([20, 30] * 15 + [50] * 30, [True] * known + [False] * (60 - known))
+    points = in_memory(sweep({SPEED: made_folders.MANY_SPEEDS}), lambda _: law)
+    (curve,) = read_curves(points, SPEED, Statistic.MEDIAN)
+    *found, reason = search_measure(curve._replace(of="t_sync_s"))
+    assert found == [None, None]
+    assert reason.startswith(why)
 
 
 def level_beyond(speed: float, power: float = 2):
