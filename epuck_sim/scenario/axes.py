@@ -102,7 +102,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
         return requested
     if not numbers:
         names = "; for names: plot --form violins" if rows[0] else ""
-        raise EpuckSimError(f"there is no axis with numbers to draw T_sync against{names}")
+        raise EpuckSimError(f"there is no axis with numbers{names}")
     return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
 
 

@@ -154,7 +154,7 @@ def _least_squares(
     design: FloatArray, weights: FloatArray, names: Sequence[str], values: FloatArray, resampled: FloatArray
 ) -> tuple[list[Estimate], float]:
     """Return the coefficients of a design (C, P), with percentiles over resamples, and the residual sum of squares."""
-    _check_determined(design, names, "curves")
+    _check_determined(design, names, "curve")
     root = np.sqrt(weights / weights.max())
     solution = np.linalg.pinv(root[:, None] * design) * root
     fitted = solution @ values
@@ -167,9 +167,10 @@ def _check_determined(design: FloatArray, names: Sequence[str], what: str) -> No
     """Raise ValueError if the rows of a design, (C, P), of C curves or points, do not determine P unknowns."""
     rows, unknowns = design.shape
     if rows < unknowns:
-        raise ValueError(f"{rows} {what} do not determine {unknowns} unknowns: a prefactor and {', '.join(names)}")
+        given = f"{counted(rows, what)} for {unknowns} unknowns"
+        raise ValueError(f"{given}, a prefactor and {', '.join(names)}, are too few")
     if np.linalg.matrix_rank(design, rtol=1e-9) < unknowns:
-        raise ValueError(f"the {what} do not distinguish {', '.join(names)}: they vary together")
+        raise ValueError(f"the {what}s do not distinguish {', '.join(names)}: they vary together")
 
 
 QUANTITIES = (*PLACES, "V_f")  # what a curve of T_sync may have, in the order of tables
@@ -210,7 +211,8 @@ def fit_curves(points: SweepTrials, statistic: Statistic = Statistic.MEAN) -> li
     """Find the local minimum, the peak and V_f of each curve of T_sync against speed of a sweep."""
     axis, curves = sweep_curves(points, statistic=statistic)
     if not axis.endswith(SPEED):
-        raise EpuckSimError(f"{points.folder}: no axis of several values ends in {SPEED}; extrema are those over speed")
+        instead = "extrema are those over speed; for others: --of t_sync_s --x KEY"
+        raise EpuckSimError(f"{points.folder}: no axis of several values ends in {SPEED}; {instead}")
     with refused_at(str(points.folder)):
         check_speed_alone(curves)
     found = []
@@ -449,8 +451,8 @@ def _fit_powers(run: str, points: Sequence[PointTrials], axes: Sequence[str], ot
     logs = np.log([[point.axes[axis] for axis in axes] for point in points])
     design = np.column_stack([np.ones(len(points)), logs])
     try:
-        _check_determined(design[np.unique(place[observed])], axes, "points with known values")
-        _check_determined(np.column_stack([design[place], np.log(values)])[observed], [*axes, of], "trials")
+        _check_determined(design[np.unique(place[observed])], axes, "known point")
+        _check_determined(np.column_stack([design[place], np.log(values)])[observed], [*axes, of], "trial")
     except ValueError as error:
         return found._replace(reason=str(error))
     fit = fit_log_normal(design[place], values, observed)

@@ -10,7 +10,7 @@ from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.statistic import estimate, mean_and_error, measure, quantity
+from epuck_sim.statistics.statistic import Measured, cut, estimate, mean_and_error, measure, quantity
 from epuck_sim.statistics.survival import QUANTILE
 
 POWER = 0.8  # default probability of seeing a difference
@@ -50,9 +50,10 @@ class TrialPlan(NamedTuple):
         if any(point.trials is not None for point in self.points):
             said = f"Trials: as many as each of two sweeps needs at a point to show {wanted}, with p < 0.05."
         elif known := [point for point in self.points if point.stored >= MIN_TRIALS]:
-            is_limited = all(point.statistic == "restricted mean" for point in known)
-            why = "are censored at their limit" if is_limited else "have one value, or no share can differ by so much"
-            said = f"No number of trials shows {wanted}: all {why}."
+            why = "no share can differ by so much" if self.is_of_shares else "all have one value"
+            if all(point.statistic == "restricted mean" for point in known):
+                why = "too many are censored at their limit"
+            said = f"No number of trials shows {wanted}: {why}."
         else:
             of = "" if self.of in T_SYNC else f" with a value of {self.of}"
             said = f"No point has {MIN_TRIALS} trials{of}, the fewest for a spread; run again with --trials 20 or more."
@@ -79,18 +80,40 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     for point, each in zip(points, measured, strict=True):
         count = len(each.values)
         found = estimate(each, Statistic.MEAN) if count else UNDETERMINED._replace(name="mean")
-        mean, error, _ = mean_and_error(each)
-        has_spread = count >= MIN_TRIALS and error != 0 and mean != 0 and not each.is_share
-        spread = error * math.sqrt(count) / abs(mean) if has_spread else math.nan
-        scale = spread if not is_of_shares else found.value if count >= MIN_TRIALS else math.nan
-        trials = None if math.isnan(scale) else needed([scale], difference, power)
-        planned.append(PointPlan(point.number, point.axes, count, found.name, found.value, spread, trials))
+        scale, shown = _if_longer(each, difference)
+        if is_of_shares and count >= MIN_TRIALS:
+            scale = found.value
+        trials = None if math.isnan(scale) else needed([scale], shown, power)
+        planned.append(PointPlan(point.number, point.axes, count, found.name, found.value, _spread(each), trials))
         if trials is not None:
-            scatter.append((scale, found.value))
+            scatter.append((scale, shown, found.value))
     # relative differences of means of both signs have no common direction
-    is_one_sign = len({mean > 0 for _, mean in scatter}) == 1 or is_of_shares
-    over_all = needed([scale for scale, _ in scatter], difference, power) if scatter and is_one_sign else None
+    is_one_sign = len({mean > 0 for *_, mean in scatter}) == 1 or is_of_shares
+    over_all = None
+    if scatter and is_one_sign:
+        scales, differences, _ = zip(*scatter, strict=True)
+        shown = difference if is_of_shares else math.expm1(sum(map(math.log1p, differences)) / len(differences))
+        over_all = needed(scales, shown, power)
     return TrialPlan(difference, power, planned, over_all, points[0].of, measured[0].unit, is_of_shares)
+
+
+def _spread(measured: Measured) -> float:
+    """Return the standard deviation of a trial over the size of the mean; NaN with too few trials, and of shares."""
+    (mean, error, _), count = mean_and_error(measured), len(measured.values)
+    has_spread = count >= MIN_TRIALS and error != 0 and mean != 0 and not measured.is_share
+    return error * math.sqrt(count) / abs(mean) if has_spread else math.nan
+
+
+def _if_longer(measured: Measured, difference: float) -> tuple[float, float]:
+    """Return the spread of trials and of others that take longer, and the difference of their means, both relative.
+
+    Where trials are censored, the others, too, are cut at the limit: their mean is longer by less than their times.
+    """
+    others = cut(measured, measured.horizon / (1 + difference))  # as many as the limit lets synchronise
+    spread = math.hypot(_spread(measured), _spread(others)) / math.sqrt(2)
+    if math.isnan(spread):
+        return math.nan, difference
+    return spread, (1 + difference) * mean_and_error(others).mean / mean_and_error(measured).mean - 1
 
 
 def trials_needed(spreads: Sequence[float], difference: float, power: float = POWER) -> int:

@@ -113,7 +113,8 @@ def sweep_table(name: str, found: Sequence[tuple[Point, Prediction]]) -> Table:
     """Return the predictions of a sweep of this name, with a row for each point."""
     notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
     rows = [Row(point.axes, prediction.cells) for point, prediction in found]
-    return Table(name, rows, (BRACKETS, *notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
+    named = [(column, name, f" ({unit})" * bool(unit)) for column, name, _, unit in found[0][1].quantities if column]
+    return Table(name, rows, (BRACKETS, *notes), {column: said + unit for column, said, unit in named})
 
 
 def predictor(scenario: Scenario) -> Callable[[float], Prediction]:

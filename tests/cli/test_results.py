@@ -142,7 +142,7 @@ def test_where_leaves_the_points_with_some_values_of_an_axis(tmp_path) -> None:
 def test_plan_says_where_trials_tell_of_time_alone_times_some_of_a_scenario_and_names_a_share(tmp_path) -> None:
     for limit, printed, note in (
         (None, ": all are stored.", "note: trials have no T_sync; give --of"),
-        (0.95, "in 80 % of all cases: all are censored at their limit.", ""),
+        (0.95, "in 80 % of all cases: too many are censored at their limit.", ""),
     ):
         scenario = sweep({SPEED: [1, 2]}, trials=9, stop={"order_parameter": limit, "max_cycles": 9})
         result = call("plan", store(tmp_path / str(limit), scenario, lambda point: made_folders.censored(point, 9)))

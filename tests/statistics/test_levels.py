@@ -112,9 +112,22 @@ def test_each_point_has_its_number_and_points_without_a_spread_none() -> None:
     assert [point.stored for point in plan.points] == [0, 3, 21, 50, 50]
     assert [point.trials is None for point in plan.points] == [True, True, False, False, False]
     assert [point.statistic for point in plan.points[2:]] == ["restricted mean", "mean", "mean"]
-    spreads = [point.spread for point in plan.points[2:]]
-    assert [point.trials for point in plan.points[2:]] == [trials_needed([each], 0.25, 0.9) for each in spreads]
-    assert plan.over_all == trials_needed(spreads, 0.25, 0.9)
+    alone = [trials_needed([point.spread], 0.25, 0.9) for point in plan.points[3:]]
+    assert [point.trials for point in plan.points[3:]] == alone
+
+
+@pytest.mark.parametrize("limits", [[40], [20], [math.inf, 40, 20]])
+def test_where_trials_are_censored_so_many_show_a_difference_of_times_not_of_restricted_means(limits) -> None:
+    def samples(mean: float, trials: int, *seed: int) -> list[Measured]:
+        return [cut(drawn(mean, trials, [*seed, n]), limit) for n, limit in enumerate(limits)]
+
+    known = iter(samples(50, 5000, 1))
+    points = in_memory(sweep({SPEED: SPEEDS[: len(limits)]}), lambda _: ended(*next(known)[:2]))
+    plan, seen = plan_trials(points, 0.5, 0.8), []
+    for seed in range(300):
+        pairs = map(pair_up, samples(50, plan.over_all, seed, 2), samples(75, plan.over_all, seed, 3))
+        seen.append(mean_contrast([contrast(pair, of_logarithms=True) for pair in pairs]).low > 0)
+    assert np.mean(seen) == pytest.approx(0.8, abs=0.09)  # 300 scatter by 0.023
 
 
 def of_measure(*values_of_points):

@@ -153,7 +153,7 @@ LEVEL = lawful()._replace(model="particles", places={"V_f": Place(Estimate(9.0, 
     [
         ([LEVEL], "1 curve with a minimum and a peak, or V_f, none of which differ in epsilon, L, N or tau"),
         ([lawful(run="one"), lawful(run="two")], "2 curves with a minimum and a peak, none of which differ in epsilon"),
-        ([lawful(), lawful(L=40, tau=3)], "2 curves do not determine 3 unknowns: a prefactor and L, tau."),
+        ([lawful(), lawful(L=40, tau=3)], "2 curves for 3 unknowns, a prefactor and L, tau, are too few."),
         ([lawful(L=size, tau=size / 12) for size in (40, 60, 90)], "the curves do not distinguish L, tau: they vary"),
     ],
 )
@@ -330,7 +330,7 @@ def test_powers_that_do_not_hold_have_a_large_misfit_and_those_of_censored_trial
     found, censored = fits = powers({WIDTH: [60, 1e6], **grid}, powerful)
     assert (found.reason, censored.censored, censored.factor.has_interval) == ("", 1, False)
     text = " ".join(fitting.powers_table(fits).to_text().split())
-    assert "1 of 2 combinations of the other axes: 0 points with known values do not determine 3 unknowns" in text
+    assert "1 of 2 combinations of the other axes: 0 known points for 3 unknowns" in text
     refusal = r"mine: --power: \S*speed_cm_s is 0; allowed: axes of several values, all pos"
     with pytest.raises(EpuckSimError, match=refusal):
         powers({COUNT: [5, 10], SPEED: [0, 1]}, lambda _: ended([5, 6]))

@@ -235,6 +235,7 @@ def test_the_command_prints_a_table_an_object_or_a_row_a_point() -> None:
     assert printed["graph"]["links"]["value"] == 1
     rows = read(*words, "--sweep", "speed_cm_s=1,30")["points"]
     assert [row["axes"] for row in rows] == [{"agents.speed_cm_s": 1}, {"agents.speed_cm_s": 30}]
+    assert "V_p, peak of T_sync (cm/s) -" in called(*words, "--sweep", "speed_cm_s=1,30")
     header, *lines = csv.reader(called(*words, "--sweep", "speed_cm_s=1,30", "--csv").splitlines())
     assert (len(lines), "" in header) == (2, False)
     lines = list(csv.reader(called(*words, "--csv").splitlines()))
