@@ -117,13 +117,13 @@ class _Column(NamedTuple):
 def cell_text(cell: Any) -> str:
     """Return the text of a cell for people.
 
-    >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.051), 2**53, AtMost(0.00123456), None, True)]
-    ['44 [29, 67]', '5 %', '9007199254740992', '<= 0.00123', '-', 'yes']
+    >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.005), 2**53, AtMost(0.00123456), None, True)]
+    ['44 [29, 67]', '0.5 %', '9007199254740992', '<= 0.00123', '-', 'yes']
     """
     if cell is None or isinstance(cell, bool):
         return {None: "-", True: "yes", False: "no"}[cell]
     if isinstance(cell, Share):
-        return "-" if math.isnan(cell) else f"{100 * cell:.0f} %"
+        return "-" if math.isnan(cell) else f"{100 * cell:.{3 if cell > 0.99 else 2}g} %"
     if isinstance(cell, AtMost):
         return f"<= {significant(cell)}"
     if isinstance(cell, list | tuple) and not isinstance(cell, Estimate):
