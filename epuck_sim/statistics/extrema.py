@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 from scipy.optimize import isotonic_regression
 
-from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import Estimate
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.statistic import MOST_CENSORED
@@ -229,10 +229,7 @@ _VAGUE = f"it is known well enough at fewer than {MIN_SPEEDS} points: raise stop
 def search_extrema(curve: Curve) -> ExtremaSearch:
     """Look for the local minimum and the peak of a curve over speed, at the points that `_usable` returns."""
     usable, reason = _usable(curve)
-    found = None
-    if not reason:
-        found = find_minimum_and_peak(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
-    if found is None:
+    if reason or (found := find_minimum_and_peak(*usable)) is None:
         return ExtremaSearch({}, None, reason or _VAGUE)
     return ExtremaSearch(dict(zip(PLACES, found.places, strict=False)), found.p_value, "")
 
@@ -242,36 +239,38 @@ def search_measure(curve: Curve) -> tuple[Extrema | None, Extrema | None, str]:
     if curve.is_share:
         return None, None, "the measure is a truth value, and the search is in logarithms, which shares do not suit"
     usable, reason = _usable(curve)
-    known, resampled = curve.values[usable], curve.resampled[:, usable]
-    if (known <= 0).any() or (resampled <= 0).any():
-        return None, None, "not all values are positive, and the search is in logarithms"
-    fit = None if reason else smooth_logs(curve.x[usable], known, resampled)
-    return (find_minimum(fit), find_peak(fit), "") if fit else (None, None, reason or _VAGUE)
+    if any((values <= 0).any() for values in usable[1:]):
+        reason = "not all values are positive, and the search is in logarithms"
+    if reason or (fit := smooth_logs(*usable)) is None:
+        return None, None, reason or _VAGUE
+    return find_minimum(fit), find_peak(fit), ""
 
 
-def _usable(curve: Curve) -> tuple[BoolArray, str]:
-    """Return which points have `ENOUGH_TRIALS`, less than half of them censored, (S,), and why they are not enough."""
+def _usable(curve: Curve) -> tuple[tuple[FloatArray, FloatArray, FloatArray], str]:
+    """Return x, values and resamples of points with `ENOUGH_TRIALS`, less than half of them censored; why they are few.
+
+    Extrema are looked for at these points, unless there is a reason against it.
+    """
     moving = curve.x > 0
     tried = moving & (curve.trials >= ENOUGH_TRIALS)
     usable = tried & (curve.censored < MOST_CENSORED) & np.isfinite(curve.values)
     positive, enough, left = map(np.count_nonzero, (moving, tried, usable))
+    hidden = curve.x[(tried & ~usable) & np.maximum.accumulate(usable) & np.maximum.accumulate(usable[::-1])[::-1]]
     points, trials = ("speeds", "trials") if curve.of is None else ("points", "trials with a value")
+    censored, reason = "half of the trials or more are censored", ""
     if positive < MIN_SPEEDS:
-        return usable, f"{positive} {points} above 0; a minimum and a peak need {MIN_SPEEDS}"
-    if enough < MIN_SPEEDS:
+        reason = f"{positive} {points} above 0; a minimum and a peak need {MIN_SPEEDS}"
+    elif enough < MIN_SPEEDS:
         few = f"fewer than {ENOUGH_TRIALS} {trials} at {positive - enough} of {positive} {points}"
         more = f"give --trials {ENOUGH_TRIALS} or more{': 200 show a rise of a fifth' * (curve.of is None)}"
-        return usable, f"{few}, where noise can look like a rise; {more}"
-    censored = "half of the trials or more are censored"
-    if left < MIN_SPEEDS:
-        others = f"{MIN_SPEEDS} others are needed: raise stop.max_cycles"
-        return usable, f"{censored} at {enough - left} of {enough} {points}; {others}"
-    first, last = np.flatnonzero(usable)[[0, -1]]
-    hidden = curve.x[first:last][(tried & ~usable)[first:last]]
-    if len(hidden):
-        where = f"{hidden[0]:g} to {hidden[-1]:g}{' cm/s' * (curve.of is None)}"
-        return usable, f"{censored} from {where}, where a peak may be: raise stop.max_cycles"
-    return usable, ""
+        reason = f"{few}, where noise can look like a rise; {more}"
+    elif left < MIN_SPEEDS:
+        where = f"at {enough - left} of {enough} {points}"
+        reason = f"{censored} {where}; {MIN_SPEEDS} others are needed: raise stop.max_cycles"
+    elif len(hidden):
+        where = f"from {hidden[0]:g} to {hidden[-1]:g}{' cm/s' * (curve.of is None)}"
+        reason = f"{censored} {where}, where a peak may be: raise stop.max_cycles"
+    return (curve.x[usable], curve.values[usable], curve.resampled[:, usable]), reason
 
 
 FAST_FACTOR = 2.0  # T_sync at V_f, as a multiple of that at the largest speed. The thesis gives no definition

@@ -268,7 +268,7 @@ def _fit_laws(alike: Sequence[FittedCurve]) -> Laws:
                 exponents.append(FittedExponent(name, parameter, term.form, exponent, term.exponent, *known))
     except ValueError as error:
         return Laws(model, shared, len(alike), [], {}, str(error))
-    several = f"{counted(len(alike), 'curve')} with {FOUND.get(model, FOUND['embodied'])}"
+    several = f"{counted(len(alike), 'curve')} with a minimum and a peak{', or V_f' * ('V_f' in laws)}"
     reason = "" if exponents else f"{several}, none of which differ in epsilon, L, N or tau"
     offset_laws: dict[str, OffsetLaw] = {}
     if model != "particles" and not reason:
@@ -277,9 +277,6 @@ def _fit_laws(alike: Sequence[FittedCurve]) -> Laws:
                 offset_laws[name] = fit_offset_law(parameters, *quantities[name])
     return Laws(model, shared, len(alike), exponents, offset_laws, reason)
 
-
-FOUND = {"embodied": "a minimum and a peak", "particles": "a minimum and a peak, or V_f"}
-"""Features of curves that the laws describe, by model."""
 
 NOUNS = {"embodied": "robots", "particles": "point agents"}  # names of the models
 
@@ -318,9 +315,12 @@ def fit_tables(curves: Sequence[FittedCurve], laws: Sequence[Laws]) -> list[Tabl
 
 def _rows(found: "Sequence[FittedCurve | MeasureFit | PowersFit]", cells: Iterable[Mapping[str, Any]]) -> list[Row]:
     """Return rows of curves of any folders, with an empty cell for an axis that a folder does not have."""
+    return [Row({"run": each.run, **axes}, row) for each, axes, row in zip(found, _filled(found), cells, strict=True)]
+
+
+def _filled(found: "Sequence[FittedCurve | MeasureFit | PowersFit | Laws]") -> list[dict[str, Any]]:
     keys = list(dict.fromkeys(key for each in found for key in each.axes))
-    axes = ({"run": each.run, **{key: each.axes.get(key, "") for key in keys}} for each in found)
-    return [Row(*each) for each in zip(axes, cells, strict=True)]
+    return [{key: each.axes.get(key, "") for key in keys} for each in found]
 
 
 def _reasons(
@@ -333,8 +333,7 @@ def _reasons(
 def _laws_tables(laws: Sequence[Laws]) -> Iterator[Table]:
     """Yield the table of the exponents of all groups of curves, and that of the laws of T_m and T_p with an offset."""
     fitted = [each for each in laws if each.exponents]
-    keys = list(dict.fromkeys(key for each in fitted for key in each.axes))
-    groups = [({key: each.axes.get(key, "") for key in keys}, each) for each in fitted]
+    groups = list(zip(_filled(fitted), fitted, strict=True))
     rows = [Row(axes, row._asdict()) for axes, each in groups for row in each.exponents]
     notes = [
         NOISE_ALONE,

@@ -6,7 +6,7 @@ from statistics import NormalDist
 from typing import Any, NamedTuple
 
 from epuck_sim.display.table import Row, Table
-from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
+from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics import Statistic
@@ -79,7 +79,7 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     planned, scatter = [], []
     for point, each in zip(points, measured, strict=True):
         count = len(each.values)
-        found = estimate(each, Statistic.MEAN) if count else UNDETERMINED._replace(name="mean")
+        found = estimate(each, Statistic.MEAN)
         scale, shown = _if_longer(each, difference)
         if is_of_shares and count >= MIN_TRIALS:
             scale = found.value
