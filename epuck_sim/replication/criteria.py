@@ -124,9 +124,8 @@ def share_difference(first: Measured, second: Measured) -> Effect:
     if min(sizes) < MIN_TRIALS:
         return NOTHING
     chance = stats.hypergeom(sum(sizes), true + int(one.values.sum()), sizes[1])
-    return Effect(
-        statistic.share_difference(one, other), lambda _: float(chance.sf(true - 1)), lambda _: float(chance.cdf(true))
-    )
+    found = statistic.share_difference(one, other)
+    return Effect(found, lambda _: float(chance.sf(true - 1)), lambda _: float(chance.cdf(true)))
 
 
 def _truths(sample: Measured) -> Measured:

@@ -471,11 +471,7 @@ def powers_table(fits: Sequence[PowersFit]) -> Table:
     keys = list(dict.fromkeys(key for fit in fits for key in fit.exponents))
     others = ("trials", "censored", "points", "misfit")
     cells = [
-        {
-            "factor": fit.factor,
-            **{key: fit.exponents.get(key) for key in keys},
-            **{name: getattr(fit, name) for name in others},
-        }
+        {"factor": fit.factor, **dict.fromkeys(keys), **fit.exponents, **{name: getattr(fit, name) for name in others}}
         for fit in fits
     ]
     notes = [

@@ -93,15 +93,13 @@ def find_limit(
     counts = snapshots.sum(2)
     receivers = np.argsort(~snapshots, axis=2, kind="stable")[:, :, : counts.max()]
     grid = np.linspace(0, 1, TABLE)
-    after = grid + phase_shift(response, grid)
+    rules = grid + phase_shift(response, grid), response.refractory, threshold, receivers, counts
     times, has_ended, instants = [], [], 0
     for _ in range(chains):
         which = random.integers(len(snapshots), size=1 if hold == math.inf else MOST_INSTANTS)
         periods = np.maximum(1 + jitter * random.standard_normal(agents), 0.1)
         phases = random.random((agents,))
-        taken, cycles, ended = run_chain(
-            after, response.refractory, threshold, receivers, counts, which, hold, phases, periods
-        )
+        taken, cycles, ended = run_chain(*rules, which, hold, phases, periods)
         times.append(cycles)
         has_ended.append(ended)
         instants += taken

@@ -85,10 +85,8 @@ class Prediction(NamedTuple):
 
     def table(self) -> Table:
         """Return a table with a row for each quantity."""
-        made = [
-            Row({}, {"quantity": name, "predicted": value, "unit": unit}) for _, name, value, unit in self.quantities
-        ]
-        return Table(self.scenario, made, (self.reason, BRACKETS, *self.notes))
+        rows = [{"quantity": name, "predicted": value, "unit": unit} for _, name, value, unit in self.quantities]
+        return Table(self.scenario, [Row({}, row) for row in rows], (self.reason, BRACKETS, *self.notes))
 
 
 def predict(scenario: ScenarioLike) -> Prediction:
@@ -113,8 +111,8 @@ def sweep_table(name: str, found: Sequence[tuple[Point, Prediction]]) -> Table:
     """Return the predictions of a sweep of this name, with a row for each point."""
     notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
     rows = [Row(point.axes, prediction.cells) for point, prediction in found]
-    named = [(column, name, f" ({unit})" * bool(unit)) for column, name, _, unit in found[0][1].quantities if column]
-    return Table(name, rows, (BRACKETS, *notes), {column: said + unit for column, said, unit in named})
+    headings = {column: f"{said}{f' ({unit})' * bool(unit)}" for column, said, _, unit in found[0][1].quantities}
+    return Table(name, rows, (BRACKETS, *notes), headings)
 
 
 def predictor(scenario: Scenario) -> Callable[[float], Prediction]:
