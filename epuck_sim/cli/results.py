@@ -66,7 +66,7 @@ def summarize(
     points = read_points(folder, of, where) if of else None
     if points and any(map(has_series, points)):
         series = summarize_series(points)
-        title = f"{folder}: {quantity(of, measure_unit(points[0]) or '')}"
+        title = f"{folder}: {quantity(of, measure_unit(points[0]))}"
         table, found = series_table(title, series), [each.record() for each in series]
     else:
         summaries = statistics(points or each_point(folder, of, where))

@@ -197,7 +197,7 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
             over = known_as.over if (known_as := measure_of(point)) else "cycle"
             statistics = series_statistics(series, over)
             is_timed = over == "cycle" and not getattr(point.scenario, "has_reference", True)
-            found.append(PointSeries(point.number, point.axes, statistics, measure_unit(point) or "", is_timed))
+            found.append(PointSeries(point.number, point.axes, statistics, measure_unit(point), is_timed))
     if not found:
         raise StoreError(f"{points[0].of} has no value: no trial reaches a firing of the reference")
     return found

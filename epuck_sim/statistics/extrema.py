@@ -259,7 +259,8 @@ def _usable(curve: Curve) -> tuple[tuple[FloatArray, FloatArray, FloatArray], st
     points, trials = ("speeds", "trials") if curve.of is None else ("points", "trials with a value")
     censored, reason = "half of the trials or more are censored", ""
     if positive < MIN_SPEEDS:
-        reason = f"{positive} {points} above 0; a minimum and a peak need {MIN_SPEEDS}"
+        of_what = "speeds" if curve.of is None else "values of the axis"
+        reason = f"{positive} {of_what} above 0; a minimum and a peak need {MIN_SPEEDS}"
     elif enough < MIN_SPEEDS:
         few = f"fewer than {ENOUGH_TRIALS} {trials} at {positive - enough} of {positive} {points}"
         more = f"give --trials {ENOUGH_TRIALS} or more{': 200 show a rise of a fifth' * (curve.of is None)}"

@@ -100,15 +100,15 @@ def measure_of(point: PointTrials) -> Measure | None:
         return None
 
 
-def measure_unit(point: PointTrials) -> str | None:
-    """Return the unit of the measure of a point, empty if it has none; None if the measure is not found."""
+def measure_unit(point: PointTrials) -> str:
+    """Return the unit of a point's values; empty if they are truth values, or the measure has none or is not found."""
     found = measure_of(point)
-    return found.unit if found else None
+    return found.unit if found and not any(isinstance(value, bool) for value in point.measured) else ""
 
 
 def check_units(points: Sequence[PointTrials]) -> None:
     """Raise EpuckSimError if the unit of a measure differs between folders; a measure whose file is gone fits any."""
-    units = dict.fromkeys(unit or "none" for unit in map(measure_unit, points) if unit is not None)
+    units = dict.fromkeys(found.unit or "none" for found in map(measure_of, points) if found)
     if len(units) > 1:
         raise EpuckSimError(f"the unit of {points[0].of} differs: {comma_list([*units])}; give folders with one unit")
 
@@ -144,7 +144,7 @@ def measure(point: PointTrials) -> Measured:
     known = [value for value in point.measured if value is not None and not isinstance(value, list)]
     is_share = bool(known) and all(isinstance(value, bool) for value in known)
     ones = np.ones(len(known), np.bool_)
-    return Measured(np.array(known, float), ones, math.inf, point.seed, is_share, measure_unit(point) or "")
+    return Measured(np.array(known, float), ones, math.inf, point.seed, is_share, measure_unit(point))
 
 
 def statistic_name(statistic: Statistic, is_censored: bool, *, is_share: bool = False) -> str:

@@ -75,7 +75,7 @@ def test_truth_values_are_shares(here):
     printed, (row, *_) = called("summarize", folder, "--of", "truth"), read("summarize", folder, "--of", "truth")
     assert "share" in printed
     assert "median" not in printed
-    assert (row["is_share"], row["median"]) == (True, None)
+    assert (row["is_share"], row["median"], row["unit"]) == (True, None, "")
     called("plot", folder, "--of", "truth", "--form", "curves", "--to", "curves")
     assert rows(here / "curves.csv")[0]["statistic"] == "share"
     compared = read("compare", folder, "--of", "truth", "--axis", f"{COUNT}=2,6")

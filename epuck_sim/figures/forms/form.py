@@ -67,7 +67,7 @@ class Form(ABC):
     @classmethod
     def made(cls, points: Sequence[PointTrials], choices: Choices, /, **found: Any) -> Self:
         """Return the form of what `read` has found, with the measure of the points and the settings of the choices."""
-        return cls(of=points[0].of, unit=measure_unit(points[0]) or "", settings=choices.section, **found)
+        return cls(of=points[0].of, unit=measure_unit(points[0]), settings=choices.section, **found)
 
     @property
     @abstractmethod
