@@ -425,6 +425,8 @@ def fit_powers(points: SweepTrials, keys: Sequence[str]) -> list[PowersFit]:
     with refused_at(str(points.folder)):
         axes = [choose_axis(rows, axis_key(key, rows, "--power"), "--power") for key in keys]
         for axis in axes:
+            if axes.count(axis) > 1:
+                raise EpuckSimError(f"--power: {axis} is given twice")
             values = sorted({row[axis] for row in rows})
             if values[0] <= 0 or len(values) == 1:
                 raise EpuckSimError(f"--power: {axis} is {values[0]}; allowed: axes of several values, all positive")
