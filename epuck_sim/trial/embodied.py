@@ -14,7 +14,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import draw_places, draw_start, put_at_given_poses
 from epuck_sim.embodied.step import Step
 from epuck_sim.embodied.swarm import poses_of
-from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.errors import ControllerError, ObserverError, ScenarioError
 from epuck_sim.order_parameter import METRICS, Firing, from_reference, reference_order_parameter
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -163,11 +163,10 @@ def run_robots(
             tell(stretch, watch)
         for observer in observers:
             observer(step, watch)
+        for observer in measuring.at_cycles if watch.cycles > cycles else ():
+            observer(step, watch)
         if simulation.steps != step.number + 1:
-            raise ValueError(BY_OBSERVER)
-        if watch.cycles > cycles:
-            for observer in measuring.at_cycles:
-                observer(step, watch)
+            raise ObserverError(BY_OBSERVER)
     outcome, stop = watch.outcome, simulation.scenario.stop
     has_t_sync = stop.gives_t_sync or (watch.measures and stop.has_t_sync)
     is_known = watch.is_synchronised or (stop.gives_t_sync and measuring.is_over())

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 
+from epuck_sim.errors import ObserverError
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
@@ -48,7 +49,7 @@ def run_agents(
             break
         cycles = simulation.cycles
         if observers:
-            _show_event(observers, simulation)
+            now_s = _show_event(observers, simulation)
         else:
             asked = time.perf_counter()
             # progress shows order parameters, which are measured only at firings of the reference
@@ -61,8 +62,11 @@ def run_agents(
                 pulses = max(1, pulses // 2)
             elif took < SLICE_S / 2 and simulation.cycles < last_cycle:
                 pulses *= 2  # a slice that ended at a firing does not show how long a whole one takes
+            now_s = simulation.time_s
         if simulation.cycles > cycles:
             _tell(measuring, simulation)
+        if simulation.time_s != now_s:
+            raise ObserverError(BY_OBSERVER)
         if progress is not None:
             progress(simulation)
     is_early = has_ended()
@@ -85,12 +89,12 @@ def run_agents(
     )
 
 
-def _show_event(observers: Sequence[Observer], simulation: ParticleSimulation) -> None:
+def _show_event(observers: Sequence[Observer], simulation: ParticleSimulation) -> float:
+    """Show the next event to observers; return its time in seconds."""
     event = next(simulation)
     for observer in observers:
         observer(event, simulation)
-    if simulation.time_s != event.time_s:
-        raise ValueError(BY_OBSERVER)
+    return event.time_s
 
 
 def _tell(measuring: Measuring, simulation: ParticleSimulation) -> None:

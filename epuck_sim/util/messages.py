@@ -10,7 +10,7 @@ from typing import TypeVar
 _Item = TypeVar("_Item")
 
 ANOTHER_THREAD = "another thread is taking steps of this simulation; give each thread a copy.copy of it"
-BY_OBSERVER = "an observer takes steps of the simulation, or resets it; allowed: looking, and commands"
+BY_OBSERVER = "an observer or a measure takes steps of the simulation, or resets it; allowed: looking, and commands"
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -49,7 +49,7 @@ def test_one_thread_at_a_time_takes_steps_and_none_is_taken_by_an_observer(name:
         list(zip(range(99), simulation, strict=False))
     for move in (simulation.reset, simulation.__next__):
         simulation.reset()
-        with pytest.raises(ValueError, match="an observer takes steps"):
+        with pytest.raises(ValueError, match="an observer or a measure takes steps"):
             run_trial(simulation, [lambda event, _, move=move: event.time_s > 0.3 and move()])
     simulation.reset()
     assert without_wall(run_trial(simulation)) == without_wall(run_trial(other))
