@@ -116,9 +116,9 @@ class Kernel:
 
         return compile_part(self.function, error_model="numpy", **self._options)
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call the function from Python."""
-        return self.for_python(*arguments)
+        return self.for_python(*arguments, **named)
 
 
 def jit(function: Function) -> Function:

@@ -236,7 +236,7 @@ LOOKS = "import math\nfrom epuck_sim.embodied import sensing\n" + with_sense(
     readings.nearest = sensing.nearest_robot(world, x, y, reach, robot.number)
     readings.anywhere = sensing.nearest_robot(world, x, y, math.inf, robot.number)
     readings.alone = sensing.nearest_robot(world, x, y, reach)
-    readings.distance = sensing.distance_cm(world, x, y, robot.heading, reach, robot.number)""",
+    readings.distance = sensing.distance_cm(world, x, y, robot.heading, range_cm=reach, but=robot.number)""",
     "dict.fromkeys(['brightness', 'light', 'clearance', 'distance'], float)"
     " | dict.fromkeys(['nearest', 'alone', 'anywhere'], int)",
     "{'range_cm': 20.0}",
@@ -288,4 +288,4 @@ def test_slow_twins_see_the_same(files, has_picture):
     assert {0.25, 0.5} <= levels
     assert len(levels) > 3
     away = [{"count": 1, "sensors": ["looks.py"]}, {"count": 2, "present": False}]
-    assert Simulation({"robots": away}).advance(1).readings["anywhere"][0] == -1
+    assert Simulation({"robots": away}, interpret=True).advance(1).readings["anywhere"][0] == -1
