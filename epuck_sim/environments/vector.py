@@ -176,7 +176,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         episode_s: float = 60.0,
         control_steps: int = 1,
     ) -> None:
-        self._reward = find_reward(reward)
+        self._reward, self._reward_as_given = find_reward(reward), reward
         self._terminate = terminate
         if terminate is not None and not callable(terminate):
             raise ValueError(f"terminate is {terminate!r}; allowed: a function, or None")
@@ -235,10 +235,11 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         """Refuse copies in the middle of an episode: a simulation's copy does not repeat the actions of agents."""
         if any(simulation.steps > 1 for simulation in self.simulations):
             raise ValueError("an episode is under way and cannot be copied; copy it before its first step")
-        return {**vars(self), "_pool": None}
+        return {**vars(self), "_pool": None, "_reward": None}  # a function of a file cannot be pickled
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
+        self._reward = find_reward(self._reward_as_given)
         self._arrange()
 
     def reset(

@@ -83,12 +83,14 @@ def test_swarms_do_what_simulations_do(changes):
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_copy_steps_swarms_of_its_own(threads):
-    batch = vector_env(SWARM, 2, seed=7, threads=threads)
+def test_a_copy_steps_swarms_of_its_own_and_has_the_reward_of_its_file(threads, tmp_path):
+    (tmp_path / "mine.py").write_text("def reward(situation):\n    return situation.poses[..., 0]\n")
+    batch = vector_env(SWARM, 2, seed=7, threads=threads, reward=tmp_path / "mine.py")
     copy = pickle.loads(pickle.dumps(batch))
     rows, _ = copy.reset()
     np.testing.assert_array_equal(batch.reset()[0], rows)
     later = [copy.step(policy(rows))[0] for _ in range(3)][-1]
+    np.testing.assert_array_equal(copy.step(policy(rows))[1].reshape(2, 3), copy.look().poses[:, :3, 0])
     assert [each.steps for each in batch.simulations] == [1, 1]
     batch.close()  # which ends its threads alone
     np.testing.assert_array_equal([batch.step(policy(rows))[0] for _ in range(3)][-1], later)
