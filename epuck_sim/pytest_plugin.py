@@ -18,12 +18,13 @@ def make_robot(request: pytest.FixtureRequest) -> "Callable[..., TestRobot]":
     """
     from epuck_sim.testing import TestRobot  # noqa: PLC0415 it loads numba
 
-    def find(file: str | Path) -> str | Path:
-        beside = request.path.parent / file
-        return beside if beside.is_file() else file
+    def find(file: Any) -> Any:
+        if isinstance(file, str | Path) and (beside := request.path.parent / file).is_file():
+            return beside
+        return file  # which `TestRobot` finds elsewhere, or refuses
 
     def make(controller: str | Path, *arguments: Any, sensors: Sequence[str | Path] = (), **options: Any) -> TestRobot:
-        own = sensors if isinstance(sensors, str | Path) else list(map(find, sensors))  # one alone is refused
+        own = sensors if isinstance(sensors, str | Path) else list(map(find, sensors))
         settings = {"interpret": request.param == "interpreted", "sensors": own, **options}
         return TestRobot(find(controller), *arguments, **settings)
 

@@ -23,7 +23,7 @@ from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.embodied.user_code import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.user_files import Value
-from epuck_sim.util.messages import whole
+from epuck_sim.util.messages import short_repr, whole
 from epuck_sim.util.seeds import robot_streams
 
 __all__ = ["TestRobot", "facing_robot", "facing_wall"]
@@ -145,8 +145,8 @@ class TestRobot:
         """
         found = find_controller(str(controller))
         record = found.parameter_record(found.resolve({**(parameters or {}), **more_parameters}))
-        if isinstance(sensors, str | Path):
-            raise ValueError(f"sensors is {str(sensors)!r}; allowed: a list of files")  # noqa: TRY004
+        if isinstance(sensors, str | Path) or not all(isinstance(each, str | Path) for each in sensors):
+            raise ValueError(f"sensors is {short_repr(sensors)}; allowed: a list of files, without parameters")
         own = [find_sensor(str(sensor)) for sensor in sensors]
         told = [name for sensor in own for name in sensor.readings.names or ()]
         if twice := next((name for name in told if told.count(name) > 1), None):

@@ -133,6 +133,8 @@ def test_a_robot_faces_a_wall_or_a_robot_that_is_lit_or_dark_at_the_given_distan
 def test_the_plugin_is_in_the_package_loads_nothing_heavy_and_finds_controllers_and_sensors_beside_a_test(make_robot):
     robot = make_robot("../controllers/firmware/firefly.c", sensors=["../plugins/darkness/darkness/ground.py"])
     assert dir(robot.readings) == ["darkness"]
+    with pytest.raises(ValueError, match="allowed: a list of files, without parameters"):
+        make_robot("firefly", sensors=[{"ground.py": {"noise": 0}}])
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     name = project["entry-points"]["pytest11"]["epuck_sim.pytest_plugin"]
     assert hasattr(import_module(name), "make_robot")
