@@ -344,6 +344,12 @@ def typed(name: str, given: object, default: _Parameter) -> _Parameter:
     return cast("_Parameter", kind(value))
 
 
+def by_attribute(values: Mapping[str, object]) -> SimpleNamespace:
+    """Return parameters as compiled functions of a file read them: `parameters.name`; lists of numbers are arrays."""
+    arrays = {name: np.array(value) for name, value in values.items() if isinstance(value, tuple)}
+    return SimpleNamespace(**{**values, **arrays})
+
+
 def run_check(
     check: Callable[[SimpleNamespace], object] | None, values: Mapping[str, object], sources: Collection[Path]
 ) -> None:
@@ -351,7 +357,7 @@ def run_check(
     if check is None:
         return
     try:
-        refusal = check(SimpleNamespace(**values))
+        refusal = check(by_attribute(values))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever a user's file may raise

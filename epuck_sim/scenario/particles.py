@@ -21,7 +21,17 @@ from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, Positi
 from epuck_sim.scenario.changes import NOT_OF_AGENTS, AgentScheduleEntry, AnyFault, check_changes, notes_on_faults
 from epuck_sim.scenario.keys import set_values
 from epuck_sim.scenario.scenario import Scenario, StopSection
-from epuck_sim.user_files import Kind, Place, Value, kept, line_of_error, load_python_file, with_defaults
+from epuck_sim.user_files import (
+    Kind,
+    Place,
+    Value,
+    by_attribute,
+    kept,
+    line_of_error,
+    load_python_file,
+    run_check,
+    with_defaults,
+)
 from epuck_sim.util.messages import short_repr
 
 SHIPPED: Mapping[str, Mapping[str, Value]] = {
@@ -53,6 +63,7 @@ class Curve:
     sources: Mapping[Path, bytes] = field(default_factory=dict)
     """Contents of every file that a user's curve comes from, at the time of loading."""
     modules: Mapping[Path, ModuleType] = field(default_factory=dict)  # the module made from each of these files
+    check: Callable[[SimpleNamespace], None] | None = None  # raises ValueError on parameters that make no sense
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Value]:
         """Return every parameter with its given value or its default."""
@@ -60,13 +71,14 @@ class Curve:
         if self.phase_shift is None:
             for name, value in values.items():
                 check_range(name, cast("float", value), *LIMITS[name])
+        run_check(self.check, values, self.sources)
         return values
 
     def check_shift(self, phase: float, coupling: float, parameters: Mapping[str, Value]) -> None:
         """Call a user's function at a phase; raise CurveError if it raises, or returns no finite number."""
         assert self.phase_shift is not None
         try:
-            shift = self.phase_shift(phase, coupling, SimpleNamespace(**parameters))
+            shift = self.phase_shift(phase, coupling, by_attribute(parameters))
             is_number = not isinstance(shift, complex) and math.isfinite(shift)
         except Exception as error:  # whatever a user's file may raise
             where = line_of_error(error, self.sources) or self.name
@@ -99,7 +111,7 @@ def _load(place: Place) -> Curve:
         said = "a response curve needs a function phase_shift(phase, coupling, parameters)"
         raise file.refusal("phase_shift", said)
     check_draws(file, "a curve is a function of the phase")
-    return Curve(place.name, file.parameters(), function, file.sources, file.modules)
+    return Curve(place.name, file.parameters(), function, file.sources, file.modules, file.check())
 
 
 class ResponseSection(ConfigModel):

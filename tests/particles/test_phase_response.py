@@ -51,11 +51,11 @@ def test_the_change_is_that_of_the_complex_order_parameter_of_two(curve, couplin
 POWER = """
 from beside import power
 
-PARAMETERS = {"bend": 1.0, "times": 1}
+PARAMETERS = {"bend": 1.0, "times": 1, "scales": [1.0]}
 
 def phase_shift(phase, coupling, parameters):
     shift = coupling * power(phase, parameters.bend)
-    return shift * parameters.times
+    return shift * parameters.times * parameters.scales.sum()
 """
 
 
@@ -118,10 +118,10 @@ def test_curves_and_their_parameters_can_be_swept_and_a_path_is_relative_to_the_
     path = power.parent / "scene.yaml"
     path.write_text(write_yaml(scenario_of("power.py", parameters={"bend": 2})))
     response = load_scenario(str(path)).response
-    assert (response.curve, response.parameters) == (str(power), {"bend": 2.0, "times": 1})
+    assert (response.curve, response.parameters) == (str(power), {"bend": 2.0, "times": 1, "scales": (1.0,)})
     axes = {"response.curve": ["sine", str(power)], "response.coupling": [0.1, 0.2]}
     found = points({"model": "particles", "sweep": {"grid": axes}})
     assert [point.axes["response.curve"] for point in found] == ["sine", "sine", "power.py", "power.py"]
-    assert found[2].scenario.response.parameters == {"bend": 1.0, "times": 1}
+    assert found[2].scenario.response.parameters == {"bend": 1.0, "times": 1, "scales": (1.0,)}
     (_, bent) = points({**scenario_of(power), "sweep": {"grid": {"response.parameters.bend": [1, 2]}}})
-    assert bent.scenario.response.parameters == {"bend": 2.0, "times": 1}
+    assert bent.scenario.response.parameters == {"bend": 2.0, "times": 1, "scales": (1.0,)}
