@@ -13,8 +13,9 @@ import numpy as np
 
 from epuck_sim.control.names import first_use
 from epuck_sim.errors import ControllerError, EpuckSimError
-from epuck_sim.user_files import fingerprint
+from epuck_sim.user_files import fingerprint, set_by_program
 from epuck_sim.util.jit import bind, digest, digest_of_room, kernel_digest, name_after
+from epuck_sim.util.messages import short_repr
 from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, WITHOUT_WRAPPERS, compile_cached
 
 _compiled: dict[Hashable, Any] = {}
@@ -34,6 +35,11 @@ def compile_for(
     kernels, and `contents` a text that identifies what these are made from. A function that takes other arguments has
     their types in `takes`. If the file cannot be compiled, an error of this class is raised.
     """
+    for path, own in user.modules.items():
+        for name, value in set_by_program(own, own):
+            if not _can_be_frozen(value):
+                said = f"{name} is {short_repr(value)}, set by the program; compiled code has what the file says"
+                raise error(f"{path}: {said}; give interpret=True")
     types = tuple(value for value in names.values() if isinstance(value, np.dtype))
     made_from = _static_digest(user, types, contents).encode(), digest_of_room(function).encode()
     contents_digest = digest([*made_from, *frozen_values(user.modules.values())])

@@ -27,7 +27,7 @@ from epuck_sim.control.firmware import load_firmware
 from epuck_sim.control.interface import EXTERNAL, Controller, RobotCode, Sensor, Sensors
 from epuck_sim.control.names import ARGUMENTS, DRAW, check_draws, check_own_names
 from epuck_sim.errors import ControllerError
-from epuck_sim.user_files import AS_LOADED, Kind, Place, PythonFile, fingerprint, kept, load_python_file
+from epuck_sim.user_files import Kind, Place, PythonFile, kept, load_python_file, set_by_program
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
 from epuck_sim.util.messages import comma_list, short_repr
 
@@ -145,10 +145,8 @@ def check_imported_copies(controller: RobotCode) -> None:
         imported = sys.modules.get(path.stem)
         if imported is None or Path(getattr(imported, "__file__", None) or "").resolve() != path:
             continue
-        loaded = vars(own)[AS_LOADED]
-        for name, value in vars(imported).items():
-            if not name.startswith("__") and name.isidentifier() and fingerprint(value) != loaded.get(name):
-                said = f"{name} is {short_repr(value)} in the module {path.stem!r} of this program"
-                why = "which is not what the file says; controllers run their own copy, which this does not change"
-                instead = "make it a parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
-                raise ControllerError(f"{path}: {said}, {why}: {instead}")
+        for name, value in set_by_program(own, imported):
+            said = f"{name} is {short_repr(value)} in the module {path.stem!r} of this program"
+            why = "which is not what the file says; controllers run their own copy, which this does not change"
+            instead = "make it a parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
+            raise ControllerError(f"{path}: {said}, {why}: {instead}")

@@ -339,3 +339,11 @@ def test_a_program_can_set_a_value_in_the_controller_s_own_copy(helped, interpre
     other.__file__, other.GAIN = str(tmp_path / "elsewhere" / "helper.py"), 7.0
     monkeypatch.setitem(sys.modules, "helper", other)
     assert outcome(controller, interpret) == 6
+    copies["helper"].scale = lambda x: 5 * x
+    if interpret:
+        assert outcome(controller, interpret) == 15
+    else:
+        with pytest.raises(
+            ControllerError, match=r"helper\.py: scale is <func.*, set by the program; .* interpret=True"
+        ):
+            outcome(controller, interpret)
