@@ -126,12 +126,24 @@ INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised fr
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
 
+NOT_COMPILED = "of your own modules it compiles those beside the file, imported by name alone"
+"""Message about functions of other modules, such as a package's."""
+
+
 def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: str) -> str:
     """Return the message about a file that numba cannot compile: place, what to do instead, reason, and the line."""
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
     reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
     reason = re.sub(r"^(Cannot cast .*?): .*", r"\1", reason)  # and not the value as LLVM writes it
+    reason = re.sub(
+        r"^Unknown attribute '(\w+)' of type Module\(<module '([\w.]+)'.*",
+        rf"numba knows no \2.\1; {NOT_COMPILED}",
+        reason,
+    )
+    reason = re.sub(
+        r"^Untyped global name '(\w+)': .*<class 'function'>$", rf"numba knows no \1; {NOT_COMPILED}", reason
+    )
     if "(IMPORT_NAME)" in reason:
         reason = "an import within a function; import at the beginning of the file"
     place = _place(reason, innermost, sources)
