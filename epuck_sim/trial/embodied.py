@@ -70,15 +70,20 @@ class SynchronyWatch:
         if not (self.measures and is_firing):
             return
         self.cycles += 1
+        counted = self.count_oscillators(step)
+        self.order_parameter = r = float(self.measure(step.phase_ms))
+        if self._synchrony is None and r >= self._threshold and counted > 1:
+            self._synchrony = Firing(self.cycles, r)
+
+    def count_oscillators(self, step: Step) -> int:
+        """Return the number of oscillators in the arena; raise ControllerError if the phase of one is not a number."""
         counted = step.phase_ms[self._oscillators]
         if self._members_change:
             counted = counted[step.present[self._oscillators]]
         if not math.isfinite(np.add.reduce(counted)):  # then not all of them are
             phases = step.phase_ms.tolist()
             raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases}")
-        self.order_parameter = r = float(self.measure(step.phase_ms))
-        if self._synchrony is None and r >= self._threshold and len(counted) > 1:
-            self._synchrony = Firing(self.cycles, r)
+        return len(counted)
 
     def measure(self, phase_ms: FloatArray) -> FloatArray:
         """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none.
@@ -167,6 +172,8 @@ def run_robots(
             observer(step, watch)
         if simulation.steps != step.number + 1:
             raise ObserverError(BY_OBSERVER)
+    if watch.measures:  # a reference whose phase is not a number fires no more
+        watch.count_oscillators(simulation.last_step)
     outcome, stop = watch.outcome, simulation.scenario.stop
     has_t_sync = stop.gives_t_sync or (watch.measures and stop.has_t_sync)
     is_known = watch.is_synchronised or (stop.gives_t_sync and measuring.is_over())
