@@ -228,8 +228,7 @@ def test_points_that_differ_in_speed_alone_share_what_does_not_depend_on_it() ->
 
 def test_the_command_prints_a_table_an_object_or_a_row_a_point() -> None:
     words = ("predict", "particles", "--set", "count=6")
-    told = called(*words)
-    assert "V_p, peak of T_sync" in told
+    assert "V_p, peak of T_sync" in called(*words)
     printed = read(*words)
     assert printed["intermediate_regime"].keys() == {"verdict", "probability"}
     assert printed["graph"]["links"]["value"] == 1
