@@ -99,7 +99,7 @@ def fit(
     reject_first(
         (bool(power and x), "--power has axes of its own; leave --x out"),
         (power is not None and statistic != Statistic.MEAN, "--power is of medians; leave --statistic out"),
-        (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
+        (x is not None and of is None, "--x is for measures, and seconds: --of NAME, or --of t_sync_s"),
     )
     read = [read_points(folder, of, where) for folder in folders]
     found: Any
