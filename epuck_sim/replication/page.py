@@ -280,9 +280,8 @@ def draw_claim(answer: Answer, trials: Trials, path: Path) -> bool:
             numbers |= more
     # one panel, whatever the figure of the sweep has
     plain = {"figure": FigureSection(base_case=stored[0].scenario.figure.base_case)}
-    shown = [
-        point._replace(scenario=point.scenario.model_copy(update=plain)) for point in stored if point.number in numbers
-    ]
+    kept = [point for point in stored if point.number in numbers]
+    shown = [point._replace(scenario=point.scenario.model_copy(update=plain)) for point in kept]
     try:
         axis = choose_axis([point.axes for point in shown])
         if len({point.axes[axis] for point in shown}) < MIN_VALUES:

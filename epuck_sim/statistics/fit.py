@@ -300,13 +300,12 @@ def fit_tables(curves: Sequence[FittedCurve], laws: Sequence[Laws]) -> list[Tabl
     rows = _rows(curves, [{name: curve.record()[name] or each for name, each in none.items()} for curve in curves])
     units = {"v": "cm/s", "t": "cycles"}
     headings = {name: f"{name.capitalize()} ({units[name[0]]})" for name in wanted if name != "p_value"}
+    headings |= {"p_value": "p", "reason": ""}
     statistics = " or ".join(dict.fromkeys(name for curve in curves for name in curve.names))
     notes = [f"T_m and T_p: {statistics}. -: no minimum and peak that stand out from noise."]
     notes += _reasons(curves)
     notes += [f"V_f: from there on T_sync is less than {FAST_FACTOR:g} times that at the largest speed."] * has_v_f
-    extrema = Table(
-        "Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p", "reason": ""}
-    )
+    extrema = Table("Local minimum and peak, with 95 % intervals", rows, notes, headings)
     if any(each.exponents for each in laws):
         return [extrema, *_laws_tables(laws)]
     reasons = dict.fromkeys(each.reason for each in laws) or ["no curve has a local minimum and a peak"]

@@ -50,9 +50,8 @@ class DaskCluster:
             client = self._connect()
             with client:
                 executor = SameVersionsExecutor(client.get_executor(pure=False))
-                yield Pool(
-                    executor, _slots(client, self._address), (KilledWorker,), (CancelledError, SchedulerGoneError)
-                )
+                losses = CancelledError, SchedulerGoneError
+                yield Pool(executor, _slots(client, self._address), (KilledWorker,), losses)
         finally:
             log.setLevel(level)
 
