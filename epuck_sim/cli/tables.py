@@ -165,12 +165,12 @@ def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
         failed = f"; failed: {len(status.failed)}" if status.failed else ""
         at_work = f"; {status.at_work} is at work" if status.at_work else ""
         print(f"{folder}{share}: {status.stored} of {status.trials}{failed}{at_work}")
-    if len({(status.scenario, status.share is None, *status.axes) for status in statuses.values()}) > 1:
-        return  # of several sweeps, or of a whole one, which includes its shares
+    given = [status.share for status in statuses.values() if status.share is not None]
+    if len(given) < len(statuses) or len({(status.scenario, *status.axes) for status in statuses.values()}) > 1:
+        return  # whole sweeps, which include their shares, or shares of several
     stored, trials = (sum(getattr(status, name) for status in statuses.values()) for name in ("stored", "trials"))
     failures = sum(len(status.failed) for status in statuses.values())
     print(f"together: {stored} of {trials} trials have a result; failed: {failures}")
-    given = {status.share for status in statuses.values() if status.share is not None}
     counts = {share.partition("/")[2] for share in given}
     if len(counts) == 1:  # only then is it known which shares are missing
         (count,) = counts

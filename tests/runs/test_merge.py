@@ -170,7 +170,9 @@ def test_a_folder_stays_with_its_share_and_the_status_of_many_shares_says_what_i
     assert f"demo: share 1/4, 6 points, {counts[0]} of {trials[0]} trials" in called("status", folders[0])
     assert called("status", *folders, "--json").count('"folder"') == 3
     speeds = made_folders.sweep({made_folders.SPEED: [2]})
-    other = made_folders.store(tmp_path / "other", speeds, lambda _: made_folders.ended([5]))
+    stored_in = [tmp_path / "a", tmp_path / "b"]
+    other, twin = (made_folders.store(each, speeds, lambda _: made_folders.ended([5])) for each in stored_in)
+    assert "together" not in called("status", other, twin)  # each is a sweep of its own
     assert len(called("status", *folders, other).splitlines()) == 4  # no sum of several sweeps
     merge_folders(folders, tmp_path / "merged")
     assert len(called("status", *folders, tmp_path / "merged").splitlines()) == 4  # which has all shares
