@@ -1,18 +1,9 @@
-"""The interface of controllers: one Python file with `PARAMETERS`, `MEMORY`, `start` and `step` (see `control.loader`).
+"""The interface of controllers and sensors in files of users: docs/controllers.md and docs/sensors.md have their parts.
 
-    PARAMETERS = {"speed_cm_s": 6.0}     name -> default; the default's type is the parameter's; a list is an array
-    MEMORY = {"turns": int}              name -> type, or (type, shape): what a robot remembers between two steps
-
-    def start(memory, parameters, random): ...
-    def step(sensors, memory, actuators, parameters, random): ...
-    def check(parameters): ...           optional: raises ValueError, or returns text, on values that make no sense
-    EXTERNAL = ("wheels", "ring")        optional: parts commanded from outside, which `step` leaves alone
-
-`step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets the fields of `actuators` (see
-`ACTUATORS`). `random` is the robot's own stream for `epuck_sim.util.rng`.
+`step` reads `sensors` (see `Sensors`), and sets fields of `memory` and of `actuators` (see `ACTUATORS`). `sense` looks
+at `world` (see `World`) from `robot`, the record of the robot that senses, and sets fields of `readings`.
 A robot whose memory has `phase_ms` and whose parameters have `period_s` is an oscillator: its synchrony is measured.
 Its period is a float, even where the default is written as a whole number.
-A controller may import files that lie beside it, and the built-in controllers, by name.
 """
 
 from collections.abc import Callable, Mapping
@@ -101,7 +92,7 @@ ACTUATORS = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class RobotCode:
-    """Code of a user's file that runs on robots: a controller, or a sensor."""
+    """Code of a user's file that runs on robots, a controller or a sensor, or on agents: a response curve."""
 
     name: str
     stored_name: str  # name by which it is found again, see `user_files.Place`
@@ -174,7 +165,7 @@ class Controller(RobotCode):
 
 @dataclass(frozen=True, eq=False)
 class Sensor(RobotCode):
-    """A sensor as its file describes it; see `control.loader`."""
+    """A sensor as its file describes it."""
 
     readings: np.dtype[Any]  # record type of its readings, as controllers find them in `sensors`
     sense: Callable[..., None]

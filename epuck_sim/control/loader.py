@@ -1,18 +1,4 @@
-"""Controllers and sensors from files: finds the file, loads it and checks that it describes one.
-
-`control.interface` says what a controller is. A sensor in a file of its own is one Python file, too:
-
-    PARAMETERS = {"noise": 0.0}             optional: name -> default; the default's type is the parameter's type
-    READINGS = {"ground": (float, 3)}       name -> type, or (type, shape): what controllers find in `sensors`
-
-    def sense(world, robot, readings, parameters, random): ...
-    def check(parameters): ...              optional: raises ValueError, or returns text, on values that make no sense
-
-`sense` is called for each robot in each control step, when bodies have moved and before any controller runs. It looks
-at `world` (see `World`) from `robot`, the record of the robot that senses, and sets the fields of `readings`, which
-keep their values until they are set again. `random` is a stream of the robot's and the sensor's own, so that a sensor
-that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensing` tell what is at a place.
-"""
+"""Controllers and sensors from files: finds the file, loads it and checks that it describes one."""
 
 import keyword
 import sys
@@ -64,7 +50,7 @@ def _load(place: Place) -> Controller:
         said = f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {comma_list(EXTERNAL)}"
         raise file.refusal("EXTERNAL", said)
     controller = Controller(
-        **vars(_robot_code(place, file)),
+        **vars(describe_code(place, file)),
         memory=file.record_type("MEMORY"),
         start=parts["start"],
         step=parts["step"],
@@ -91,18 +77,18 @@ def _check_parts(file: PythonFile, noun: str, *parts: str) -> None:
             raise file.refusal(part, f"{part} has yield or async, with which nothing in it would run; write it without")
         try:
             arguments = signature(found, follow_wrapped=False)
+            arguments.bind(*takes)
         except ValueError:  # of what is compiled already
             continue
-        try:
-            arguments.bind(*takes)
         except TypeError:
             said = f"{part} takes {len(arguments.parameters)} arguments; allowed: {', '.join(takes)}"
             raise file.refusal(part, said) from None
 
 
-def _robot_code(place: Place, file: PythonFile) -> RobotCode:
-    parameters, check = file.parameters(), file.check()
-    return RobotCode(place.short_name, place.name, file.path, parameters, check, file.sources, file.modules)
+def describe_code(place: Place, file: PythonFile) -> RobotCode:
+    """Return what controllers, sensors and response curves have in common, from the file of one."""
+    given = file.parameters(), file.check(), file.sources, file.modules
+    return RobotCode(place.short_name, place.name, file.path, *given)
 
 
 SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=dict)
@@ -133,7 +119,7 @@ def _load_sensor(place: Place) -> Sensor:
     ordered = np.dtype([(name, readings[name].base, readings[name].shape) for name in names], align=True)
     if "file" in file.parameters():
         raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
-    sensor = Sensor(**vars(_robot_code(place, file)), readings=ordered, sense=sense)
+    sensor = Sensor(**vars(describe_code(place, file)), readings=ordered, sense=sense)
     check_own_names(sensor)
     check_draws(file, DRAW)
     return sensor

@@ -1,6 +1,6 @@
 """Sensors in files of their own: where their readings and random numbers lie in a block, and how they run.
 
-`run_sensor` is compiled, or interpreted, with the `sense` of a user's file; see `control.loader` for the file.
+`run_sensor` is compiled, or interpreted, with the `sense` of a user's file (docs/sensors.md).
 """
 
 import math

@@ -122,7 +122,7 @@ def sensor_root(sensor: Sensor) -> Root:
 def curve_root(response: ResponseSection) -> Root:
     """Return the function (bytes, phase) of a user's response curve."""
     curve = find_curve(response.curve)
-    values = {"_PARAMETERS": phase_response.record_of(response)}
+    values = {"_PARAMETERS": curve.parameter_type}
     return _kernel_of(curve, phase_response.shift_at, {"_shift": curve.phase_shift}, values), _OF_CURVE
 
 

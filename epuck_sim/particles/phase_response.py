@@ -16,7 +16,6 @@ from epuck_sim.control.compilation import compile_for
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
 from epuck_sim.scenario.particles import SHIPPED, ResponseSection, find_curve
-from epuck_sim.user_files import parameter_type
 from epuck_sim.util.elementary import expm1, sin
 from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import BLOCK, array_at, evaluate, function_address, unlikely
@@ -136,19 +135,13 @@ def make_response(section: ResponseSection) -> Response:
     strength = section.coupling, section.refractory
     if section.curve in CURVES:
         return Response(CURVES.index(section.curve), *strength, **section.parameters)
-    curve, record = find_curve(section.curve), np.zeros(1, record_of(section))
-    for name, value in curve.resolve(section.parameters).items():
-        record[name] = value
+    curve = find_curve(section.curve)
+    record = curve.parameter_record(curve.resolve(section.parameters))
     coupling = np.array([section.coupling])
     contents = np.concatenate([coupling.view(np.uint8), record.view(np.uint8)])
     names = {"_shift": curve.phase_shift, "_PARAMETERS": record.dtype}
     compiled = compile_for(curve, shift_at, names, takes=(BLOCK, types.float64), error=CurveError)
     return Response(FROM_FILE, *strength, address=function_address(compiled), bytes=contents)
-
-
-def record_of(section: ResponseSection) -> np.dtype[Any]:
-    """Return the record type of the parameters of a user's curve."""
-    return parameter_type(find_curve(section.curve).resolve(section.parameters))
 
 
 def shift_at(curve: ByteArray, phase: float) -> float:
@@ -168,4 +161,4 @@ def curve_error(section: ResponseSection, phase: float, error: Exception) -> Cur
         curve.check_shift(phase, section.coupling, curve.resolve(section.parameters))
     except CurveError as again:
         return again
-    return CurveError(f"{curve.name}: {type(error).__name__}: {error}")
+    return CurveError(f"{curve.path}: {type(error).__name__}: {error}")

@@ -72,7 +72,7 @@ def named_sources(scenario: Scenario) -> Iterator[NamedSources]:
             yield like, {Path(like): Path(like).read_bytes(), **ChainMap(*(dict(files) for _, files in of_robots))}
         curve = find_curve(scenario.response.curve)
         if curve.sources:
-            yield curve.name, curve.sources
+            yield curve.stored_name, curve.sources
 
 
 def measure_sources(section: MeasureSection) -> NamedSources:

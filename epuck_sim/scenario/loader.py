@@ -186,7 +186,7 @@ FILE_FINDERS: Mapping[str, Callable[[str, Path | None], str]] = {
     r"robots\.\d+\.controller": lambda name, folder: find_controller(name, folder).stored_name,
     r"(robots\.\d+\.)?sensors\.\w+(\.file)?": lambda name, folder: find_sensor(name, folder).stored_name,
     r"(robot|robots\.\d+\.kind)(\.kind)?": lambda name, folder: ROBOT.locate(name, folder).name,
-    r"response\.curve": lambda name, folder: find_curve(name, folder).name,
+    r"response\.curve": lambda name, folder: find_curve(name, folder).stored_name,
     r"measures\.\d+": lambda name, folder: find_measure(name, folder).stored_name,
     r"arena\.floor\.picture": find_picture,
     r"start\.like": find_like,

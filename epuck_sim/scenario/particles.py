@@ -8,30 +8,21 @@ response curve. Its lengths have no unit and its period is 1; here they are cent
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import BeforeValidator, Field
 
+from epuck_sim.control.interface import RobotCode
+from epuck_sim.control.loader import describe_code
 from epuck_sim.control.names import check_draws
 from epuck_sim.errors import CurveError, EpuckSimError, ScenarioError
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import NOT_OF_AGENTS, AgentScheduleEntry, AnyFault, check_changes, notes_on_faults
 from epuck_sim.scenario.keys import set_values
 from epuck_sim.scenario.scenario import Scenario, StopSection
-from epuck_sim.user_files import (
-    Kind,
-    Place,
-    Value,
-    by_attribute,
-    kept,
-    line_of_error,
-    load_python_file,
-    run_check,
-    with_defaults,
-)
+from epuck_sim.user_files import Kind, Place, Value, by_attribute, kept, line_of_error, load_python_file
 from epuck_sim.util.messages import short_repr
 
 SHIPPED: Mapping[str, Mapping[str, Value]] = {
@@ -54,25 +45,15 @@ TRIED_PHASES = 100  # number of steps from phase 0 to 1 in which a user's curve 
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class Curve(RobotCode):
     """A response curve as a scenario names it."""
 
-    name: str  # name of a shipped or installed curve, or a file
-    parameters: Mapping[str, Value]  # name and default of each parameter
     phase_shift: Callable[[float, float, Any], float] | None = None  # the function of a user's file
-    sources: Mapping[Path, bytes] = field(default_factory=dict)
-    """Contents of every file that a user's curve comes from, at the time of loading."""
-    modules: Mapping[Path, ModuleType] = field(default_factory=dict)  # the module made from each of these files
-    check: Callable[[SimpleNamespace], None] | None = None  # raises ValueError on parameters that make no sense
 
-    def resolve(self, given: Mapping[str, object]) -> dict[str, Value]:
-        """Return every parameter with its given value or its default."""
-        values = with_defaults(self.name, given, self.parameters)
-        if self.phase_shift is None:
-            for name, value in values.items():
-                check_range(name, cast("float", value), *LIMITS[name])
-        run_check(self.check, values, self.sources)
-        return values
+    def check_values(self, values: Mapping[str, Value]) -> None:
+        """Raise ValueError for parameters beyond the limits of a shipped curve."""
+        for name, value in values.items() if self.phase_shift is None else ():
+            check_range(name, cast("float", value), *LIMITS[name])
 
     def check_shift(self, phase: float, coupling: float, parameters: Mapping[str, Value]) -> None:
         """Call a user's function at a phase; raise CurveError if it raises, or returns no finite number."""
@@ -81,10 +62,10 @@ class Curve:
             shift = self.phase_shift(phase, coupling, by_attribute(parameters))
             is_number = not isinstance(shift, complex) and math.isfinite(shift)
         except Exception as error:  # whatever a user's file may raise
-            where = line_of_error(error, self.sources) or self.name
+            where = line_of_error(error, self.sources) or self.path
             raise CurveError(f"{where}: at phase {phase:g}: {type(error).__name__}: {error}") from error
         if not is_number:
-            raise CurveError(f"{self.name}: phase_shift returns {short_repr(shift)} at phase {phase:g}")
+            raise CurveError(f"{self.path}: phase_shift returns {short_repr(shift)} at phase {phase:g}")
 
 
 CURVE = Kind(
@@ -100,7 +81,7 @@ CURVE = Kind(
 def find_curve(name: str, folder: Path | None = None) -> Curve:
     """Return a response curve."""
     place = CURVE.locate(name, folder)
-    return Curve(name, SHIPPED[name]) if place.path is None else _load(place)
+    return Curve(name, name, Path(), SHIPPED[name], None, {}, {}) if place.path is None else _load(place)
 
 
 @kept
@@ -108,10 +89,9 @@ def _load(place: Place) -> Curve:
     file = load_python_file(place, CurveError)
     function = file.parts.get("phase_shift")
     if not callable(function):
-        said = "a response curve needs a function phase_shift(phase, coupling, parameters)"
-        raise file.refusal("phase_shift", said)
+        raise file.refusal("phase_shift", "a response curve needs a function phase_shift(phase, coupling, parameters)")
     check_draws(file, "a curve is a function of the phase")
-    return Curve(place.name, file.parameters(), function, file.sources, file.modules, file.check())
+    return Curve(**vars(describe_code(place, file)), phase_shift=function)
 
 
 class ResponseSection(ConfigModel):
@@ -149,9 +129,9 @@ def resolve_response(response: ResponseSection, origin: str, folder: Path | None
         parameters = curve.resolve(response.parameters)
         for step in range(TRIED_PHASES + 1) if curve.phase_shift else ():
             curve.check_shift(step / TRIED_PHASES, response.coupling, parameters)
-    if (curve.name, parameters) == (response.curve, response.parameters):
+    if (curve.stored_name, parameters) == (response.curve, response.parameters):
         return response
-    return response.model_copy(update={"curve": curve.name, "parameters": parameters})
+    return response.model_copy(update={"curve": curve.stored_name, "parameters": parameters})
 
 
 _NEEDS = {

@@ -1,6 +1,6 @@
 """Kinds of robots, of a scenario or of one of its groups: body, wheels and sensors; robots in files.
 
-Sensors in files of their own (see `control.loader`) are given as a list of files, `[ground.py, {light.py: {range_cm:
+Sensors in files of their own (docs/sensors.md) are given as a list of files, `[ground.py, {light.py: {range_cm:
 30}}]`, or by names: `{left: {file: eye.py}}`. A scenario keeps them by names, which are those of their files, so that
 `robots.0.sensors.ground.noise` is a key.
 """
