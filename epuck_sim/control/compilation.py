@@ -125,9 +125,8 @@ def jit_functions(
 INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from", "File ")
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
-
-NOT_COMPILED = "of your own modules it compiles those beside the file, imported by name alone"
-"""Message about functions of other modules, such as a package's."""
+NOT_KNOWN = re.compile(r"Unknown attribute '(\w+)' .*<module '([\w.]+)'|Untyped .*'(\w+)': .*'function'>$")
+"""What numba says of functions that it cannot compile: name and module, or name."""
 
 
 def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: str) -> str:
@@ -136,15 +135,10 @@ def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: st
     lines = [line.strip() for line in innermost.splitlines()]
     reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
     reason = re.sub(r"^(Cannot cast .*?): .*", r"\1", reason)  # and not the value as LLVM writes it
-    reason = re.sub(
-        r"^Unknown attribute '(\w+)' of type Module\(<module '([\w.]+)'.*",
-        rf"numba knows no \2.\1; {NOT_COMPILED}",
-        reason,
-    )
-    reason = re.sub(
-        r"^Untyped global name '(\w+)': .*<class 'function'>$", rf"numba knows no \1; {NOT_COMPILED}", reason
-    )
-    if "(IMPORT_NAME)" in reason:
+    if found := NOT_KNOWN.match(reason):
+        name = ".".join(filter(None, (found[2], found[1] or found[3])))
+        reason = f"numba knows no {name}; of your own modules it compiles those beside the file, imported by name alone"
+    elif "(IMPORT_NAME)" in reason:
         reason = "an import within a function; import at the beginning of the file"
     place = _place(reason, innermost, sources)
     if place is None:

@@ -65,8 +65,8 @@ class AgentSpaces:
         self.robots = np.union1d(wheels, rings)  # (agents,) numbers of the robots that are driven from outside
         if any(0 < len(part) < len(self.robots) for part in (wheels, rings)):
             raise ScenarioError(f"{name}: agents differ in what they drive, wheels or rings; allowed: all alike")
-        whole = slice(self.robots[0], self.robots[-1] + 1)
-        self.chosen = whole if np.ptp(self.robots) < len(self.robots) else self.robots  # slices are quicker
+        every = slice(self.robots[0], self.robots[-1] + 1)
+        self.chosen = every if np.ptp(self.robots) < len(self.robots) else self.robots  # slices are quicker
         drives, flashes = len(wheels) > 0, len(rings) > 0
         has_phase = not np.isnan(simulation.period_ms[self.robots]).all()
         robot_kinds = simulation.scenario.robot_kinds
@@ -202,7 +202,6 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self.observation_fields = self.spaces.fields
         """Columns of each part of an observation, as slices by name."""
         self._oscillators_exist = not np.isnan(first.period_ms).all()
-        self._no_phases = np.full((self.swarms, first.scenario.population), np.nan)
         if self._reward is synchrony and not self._oscillators_exist:
             raise ScenarioError(f"{first.scenario.name}: {NO_PHASES}")
         self.control_steps = whole("control_steps", control_steps)
@@ -345,7 +344,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             poses=step.poses.copy(),
             wheels_cm_s=step.wheels_cm_s.copy(),
             ring_on=step.ring_on.copy(),
-            phase=step.phase_ms / first.period_ms if self._oscillators_exist else self._no_phases.copy(),
+            phase=step.phase_ms / first.period_ms,
             width_cm=first.scenario.arena.width_cm,
             height_cm=first.scenario.arena.height_cm,
             movables=step.movables.copy(),

@@ -67,13 +67,12 @@ class SynchronyWatch:
         self._steps = step.number + 1
         if not self.measures:
             self.cycles = int(self._steps / self._steps_a_cycle)
-        if not (self.measures and is_firing):
-            return
-        self.cycles += 1
-        counted = self.count_oscillators(step)
-        self.order_parameter = r = float(self.measure(step.phase_ms))
-        if self._synchrony is None and r >= self._threshold and counted > 1:
-            self._synchrony = Firing(self.cycles, r)
+        elif is_firing:
+            self.cycles += 1
+            counted = self.count_oscillators(step)
+            self.order_parameter = r = float(self.measure(step.phase_ms))
+            if self._synchrony is None and r >= self._threshold and counted > 1:
+                self._synchrony = Firing(self.cycles, r)
 
     def count_oscillators(self, step: Step) -> int:
         """Return the number of oscillators in the arena; raise ControllerError if the phase of one is not a number."""
