@@ -28,10 +28,6 @@ class MeasureError(EpuckSimError):
     """A measure that cannot be loaded, that raised during a trial, or that returned no value."""
 
 
-class ObserverError(EpuckSimError, ValueError):
-    """An observer, or a measure, that takes steps of the simulation that it watches, or resets it."""
-
-
 class StoreError(EpuckSimError):
     """A run folder that cannot be used: it holds something else, is damaged, in use, or cannot be written."""
 

@@ -10,7 +10,7 @@ import math
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache, cached_property, wraps
@@ -292,14 +292,6 @@ def fingerprint(value: object, inside: Collection[int] = ()) -> object:
         parts = value.items() if isinstance(value, dict) else value
         return type(value), tuple(fingerprint(each, (*inside, id(value))) for each in parts)
     return type(value)
-
-
-def set_by_program(own: ModuleType, module: ModuleType) -> Iterator[tuple[str, object]]:
-    """Yield names and values in a module that its file did not give to `own`, a copy of it, when that was loaded."""
-    loaded = vars(own)[AS_LOADED]
-    for name, value in vars(module).items():
-        if not name.startswith("__") and name.isidentifier() and fingerprint(value) != loaded.get(name):
-            yield name, value
 
 
 def line_of_error(error: BaseException, files: Collection[Path]) -> str | None:

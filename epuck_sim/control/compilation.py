@@ -11,9 +11,10 @@ from typing import Any
 import numba
 import numpy as np
 
+from epuck_sim.control.loader import set_by_program
 from epuck_sim.control.names import first_use
 from epuck_sim.errors import ControllerError, EpuckSimError
-from epuck_sim.user_files import fingerprint, set_by_program
+from epuck_sim.user_files import AS_LOADED, fingerprint
 from epuck_sim.util.jit import bind, digest, digest_of_room, kernel_digest, name_after
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, WITHOUT_WRAPPERS, compile_cached
@@ -37,7 +38,7 @@ def compile_for(
     """
     for path, own in user.modules.items():
         for name, value in set_by_program(own, own):
-            if not _can_be_frozen(value):
+            if name in vars(own)[AS_LOADED] and not _can_be_frozen(value):
                 said = f"{name} is {short_repr(value)}, set by the program; compiled code has what the file says"
                 raise error(f"{path}: {said}; give interpret=True")
     types = tuple(value for value in names.values() if isinstance(value, np.dtype))

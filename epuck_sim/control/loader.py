@@ -2,10 +2,12 @@
 
 import keyword
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from inspect import isasyncgenfunction, iscoroutinefunction, isgeneratorfunction, signature
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
@@ -13,7 +15,7 @@ from epuck_sim.control.firmware import load_firmware
 from epuck_sim.control.interface import EXTERNAL, Controller, RobotCode, Sensor, Sensors
 from epuck_sim.control.names import ARGUMENTS, DRAW, check_draws, check_own_names
 from epuck_sim.errors import ControllerError
-from epuck_sim.user_files import Kind, Place, PythonFile, kept, load_python_file, set_by_program
+from epuck_sim.user_files import AS_LOADED, Kind, Place, PythonFile, fingerprint, kept, load_python_file
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
 from epuck_sim.util.messages import comma_list, short_repr
 
@@ -123,6 +125,14 @@ def _load_sensor(place: Place) -> Sensor:
     check_own_names(sensor)
     check_draws(file, DRAW)
     return sensor
+
+
+def set_by_program(own: ModuleType, module: ModuleType) -> Iterator[tuple[str, object]]:
+    """Yield names and values in a module that its file did not give to `own`, a copy of it, when that was loaded."""
+    loaded = vars(own)[AS_LOADED]
+    for name, value in vars(module).items():
+        if not name.startswith("__") and name.isidentifier() and fingerprint(value) != loaded.get(name):
+            yield name, value
 
 
 def check_imported_copies(controller: RobotCode) -> None:

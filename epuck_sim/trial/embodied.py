@@ -14,7 +14,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import draw_places, draw_start, put_at_given_poses
 from epuck_sim.embodied.step import Step
 from epuck_sim.embodied.swarm import poses_of
-from epuck_sim.errors import ControllerError, ObserverError, ScenarioError
+from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError
 from epuck_sim.order_parameter import METRICS, Firing, from_reference, reference_order_parameter
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -67,22 +67,18 @@ class SynchronyWatch:
         self._steps = step.number + 1
         if not self.measures:
             self.cycles = int(self._steps / self._steps_a_cycle)
-        elif is_firing:
+        elif is_firing or self._steps >= self._max_steps:  # a reference whose phase is not a number fires no more
+            counted = step.phase_ms[self._oscillators]
+            if self._members_change:
+                counted = counted[step.present[self._oscillators]]
+            if not math.isfinite(np.add.reduce(counted)):  # then not all of them are
+                phases = step.phase_ms.tolist()
+                raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases}")
+        if self.measures and is_firing:
             self.cycles += 1
-            counted = self.count_oscillators(step)
             self.order_parameter = r = float(self.measure(step.phase_ms))
-            if self._synchrony is None and r >= self._threshold and counted > 1:
+            if self._synchrony is None and r >= self._threshold and len(counted) > 1:
                 self._synchrony = Firing(self.cycles, r)
-
-    def count_oscillators(self, step: Step) -> int:
-        """Return the number of oscillators in the arena; raise ControllerError if the phase of one is not a number."""
-        counted = step.phase_ms[self._oscillators]
-        if self._members_change:
-            counted = counted[step.present[self._oscillators]]
-        if not math.isfinite(np.add.reduce(counted)):  # then not all of them are
-            phases = step.phase_ms.tolist()
-            raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases}")
-        return len(counted)
 
     def measure(self, phase_ms: FloatArray) -> FloatArray:
         """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none.
@@ -170,9 +166,7 @@ def run_robots(
         for observer in measuring.at_cycles if watch.cycles > cycles else ():
             observer(step, watch)
         if simulation.steps != step.number + 1:
-            raise ObserverError(BY_OBSERVER)
-    if watch.measures:  # a reference whose phase is not a number fires no more
-        watch.count_oscillators(simulation.last_step)
+            raise EpuckSimError(BY_OBSERVER)
     outcome, stop = watch.outcome, simulation.scenario.stop
     has_t_sync = stop.gives_t_sync or (watch.measures and stop.has_t_sync)
     is_known = watch.is_synchronised or (stop.gives_t_sync and measuring.is_over())

@@ -172,8 +172,8 @@ def run_trial(
     Raises:
         TypeError: `simulation` is not a simulation.
         ValueError: The simulation has already run, so that its earlier cycles would not count; an observer is not in
-            its `with` block, takes steps, or has a `trial_seed`, or a `trial_scenario`, that is not the trial's.
-        MeasureError: One of the scenario's measures raises an error, or returns something that is no value.
+            its `with` block, or has a `trial_seed`, or a `trial_scenario`, that is not the trial's.
+        EpuckSimError: An observer or a measure takes steps; a measure raises an error, or returns what is no value.
 
     >>> from epuck_sim import Simulation
     >>> run_trial(Simulation("thesis", seed=1)).t_sync_cycles

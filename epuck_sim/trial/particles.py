@@ -2,8 +2,9 @@
 
 import time
 from collections.abc import Sequence
+from typing import Any
 
-from epuck_sim.errors import ObserverError
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.measuring import Measuring
 from epuck_sim.trial.result import Observer, Progress, TrialResult
@@ -48,9 +49,8 @@ def run_agents(
         if simulation.next_firing > end and simulation.next_change > end:
             break
         cycles = simulation.cycles
-        if observers:
-            now_s = _show_event(observers, simulation)
-        else:
+        event = next(simulation) if observers else None
+        if not observers:
             asked = time.perf_counter()
             # progress shows order parameters, which are measured only at firings of the reference
             is_one_cycle = bool(measuring.at_cycles) or (progress is not None and simulation.order_parameter is None)
@@ -62,11 +62,7 @@ def run_agents(
                 pulses = max(1, pulses // 2)
             elif took < SLICE_S / 2 and simulation.cycles < last_cycle:
                 pulses *= 2  # a slice that ended at a firing does not show how long a whole one takes
-            now_s = simulation.time_s
-        if simulation.cycles > cycles:
-            _tell(measuring, simulation)
-        if simulation.time_s != now_s:
-            raise ObserverError(BY_OBSERVER)
+        _tell(observers, event, measuring if simulation.cycles > cycles else None, simulation)
         if progress is not None:
             progress(simulation)
     is_early = has_ended()
@@ -89,21 +85,20 @@ def run_agents(
     )
 
 
-def _show_event(observers: Sequence[Observer], simulation: ParticleSimulation) -> float:
-    """Show the next event to observers; return its time in seconds."""
-    event = next(simulation)
+def _tell(
+    observers: Sequence[Observer], event: Any, measuring: Measuring | None, simulation: ParticleSimulation
+) -> None:
+    """Tell observers of an event, and measures of the cycles that were taken; refuse those that take steps."""
+    now_s = simulation.time_s
     for observer in observers:
         observer(event, simulation)
-    return event.time_s
-
-
-def _tell(measuring: Measuring, simulation: ParticleSimulation) -> None:
-    """Tell measures of the cycles that were taken."""
-    if measuring.at_batches:
+    if measuring is not None and measuring.at_batches:
         batch = simulation.take_batch()
         for tell in measuring.at_batches:
             tell(batch, simulation)
-    if measuring.at_cycles:
+    if measuring is not None and measuring.at_cycles:
         event = simulation.last_instant()
         for observer in measuring.at_cycles:
             observer(event, simulation)
+    if simulation.time_s != now_s:
+        raise EpuckSimError(BY_OBSERVER)

@@ -15,7 +15,7 @@ from pydantic import Field
 
 import epuck_sim
 from epuck_sim import ParticleSimulation, Scenario, ScenarioError, Simulation, load_scenario, points, run_trial
-from epuck_sim.errors import StoreError
+from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.order_parameter import METRICS, Firing
 from epuck_sim.page.robots import check_robots
 from epuck_sim.page.writer import write_page
@@ -49,7 +49,7 @@ def test_one_thread_at_a_time_takes_steps_and_none_is_taken_by_an_observer(name:
         list(zip(range(99), simulation, strict=False))
     for move in (simulation.reset, simulation.__next__):
         simulation.reset()
-        with pytest.raises(ValueError, match="an observer or a measure takes steps"):
+        with pytest.raises(EpuckSimError, match="an observer or a measure takes steps"):
             run_trial(simulation, [lambda event, _, move=move: event.time_s > 0.3 and move()])
     simulation.reset()
     assert without_wall(run_trial(simulation)) == without_wall(run_trial(other))
