@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from epuck_sim.control.interface import Controller
-from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.control.loader import CONTROLLER, find_controller, find_sensor
 from epuck_sim.control.names import check_sensed
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import EpuckSimError, ScenarioError
@@ -328,14 +328,15 @@ def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]
     """Return the scenario of each point before its axes are set to the values in its row.
 
     Where the controller of a group is an axis, each of these controllers gets only those of the group's parameters and
-    memory that it has. A name that none of them has stays, and is refused with the point.
+    memory that it has. A name that none of them has, nor the shipped one that they replace, is refused with the point.
     """
     bases = [list(given.get("robots", ())) for _ in rows]
     for number, group in enumerate(given.get("robots", ())):
         key = f"robots.{number}.controller"
         if key in rows[0]:
             own = [_own_names(find_controller(str(row[key]))) for row in rows]
-            of_any = {section: set().union(*(names[section] for names in own)) for section in own[0]}
+            shipped = [_own_names(find_controller(name)) for name in {group["controller"]} & set(CONTROLLER.shipped())]
+            of_any = {section: set().union(*(names[section] for names in own + shipped)) for section in own[0]}
             for base, names in zip(bases, own, strict=True):
                 base[number] = _without(group, {section: of_any[section] - names[section] for section in names})
     return [{**given, "robots": base} if base else dict(given) for base in bases]
