@@ -97,8 +97,8 @@ def read_form(
         kinds = comma_list([*dict.fromkeys(type(each).__name__ for each in given_results)])
         raise EpuckSimError(f"results are of the type {kinds}; allowed: run folders, or points of one folder")
     if recording := next((each for each in folders if Path(each).suffix == ".rrd"), None):
-        in_python = "in Python: epuck_sim.figures.trial_page.draw_page(read_recording(FILE))"
-        raise EpuckSimError(f"{recording}: is a recording, which gets a figure of its own, {in_python}")
+        own = "its own: `plot FILE.rrd`, or in Python epuck_sim.figures.trial_page.draw_page(read_recording(FILE))"
+        raise EpuckSimError(f"{recording}: is a recording, which gets a figure of {own}")
     if points and (names or where or of not in (None, points[0].of)):
         raise EpuckSimError("names, where and of are for run folders; for points, give read_points(folder, of=NAME)")
     where = [where] if isinstance(where, str) else where

@@ -120,7 +120,8 @@ def each_point(folder: Path | str, of: str | None = None, where: Sequence[str] |
     with reading(folder) as connection:
         measured = [*measures_in(connection), T_SYNC_S]
         if of is not None and of not in measured:
-            raise StoreError(f"{folder}: {did_you_mean(of, measured)}; measured: {comma_list(measured)}")
+            known = f"measured: {comma_list(measured)}; to add one, run the sweep again with --measure NAME"
+            raise StoreError(f"{folder}: {did_you_mean(of, measured)}; {known}")
         any_events = connection.execute("SELECT 1 FROM trials WHERE events IS NOT NULL LIMIT 1").fetchone()
         found = connection.execute("SELECT axes, key, number, scenario FROM points ORDER BY number").fetchall()
         stored = [(json.loads(axes), *others) for axes, *others in found]

@@ -97,8 +97,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
     if requested is not None:
         if requested not in numbers:
             said = f"{requested} is not numeric" if requested in rows[0] else unknown_axis(requested, numbers)
-            kind = "axes" if by_name else "axes with numbers"
-            raise EpuckSimError(f"{origin}: {said}; {kind}: {comma_list(numbers)}")
+            raise EpuckSimError(f"{origin}: {said}; axes{'' if by_name else ' with numbers'}: {comma_list(numbers)}")
         return requested
     if not numbers:
         names = "; for names: plot --form violins" if rows[0] else ""
@@ -123,7 +122,8 @@ def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels
     """Raise EpuckSimError if `panels` is given, and no axis beside `x`; `origin` is its name in messages."""
     others = other_axes(rows, x)
     if panels is not None and panels not in others:
-        raise EpuckSimError(f"{origin}: {unknown_axis(panels, others)}; other axes: {comma_list(others)}")
+        said = f"{panels} is the horizontal axis" if panels == x else unknown_axis(panels, others)
+        raise EpuckSimError(f"{origin}: {said}; other axes: {comma_list(others)}")
 
 
 def check_figure_axes(figure: FigureSection, rows: Rows) -> None:

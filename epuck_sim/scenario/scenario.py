@@ -178,7 +178,7 @@ class Scenario(ConfigModel):
     seed: Annotated[WholeNumber, Field(ge=0)] = 0
     """The master seed, from which each trial gets its own."""
     measures: tuple[MeasureSection, ...] = ()
-    """Measures of each trial, besides T_sync."""
+    """Measures of each trial, besides T_sync; `list --measures` names them."""
     sweep: SweepAxes | None = None
     figure: FigureSection = FigureSection.model_construct()
 

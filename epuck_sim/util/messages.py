@@ -24,9 +24,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that is most similar to a name; None if none is similar."""
-    nearest = difflib.get_close_matches(name, list(known), n=1, cutoff=0.55)
-    return nearest[0] if nearest else None
+    """Return the known name that is most similar to a name, or begins with its words; None if there is none."""
+    names = list(known)
+    begun = [each for each in names if each.startswith(f"{name}_")]
+    return next(iter(begun or difflib.get_close_matches(name, names, n=1, cutoff=0.55)), None)
 
 
 def describe_error(error: BaseException) -> str:

@@ -54,7 +54,7 @@ def read_yaml(path: Path) -> Any:
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: is not UTF-8 text: {error.reason} at byte {error.start}") from error
+        raise ScenarioError(f"{path}: is not UTF-8 text, at byte {error.start}; save it as UTF-8") from error
     return parse_yaml(text, str(path))
 
 
@@ -82,7 +82,8 @@ def parse_yaml(text: str, source: str) -> Any:
         _check_document(node, source)
         return loader.construct_document(node)
     except yaml.YAMLError as error:
-        raise ScenarioError(f"{source}: cannot be read as YAML: {' '.join(str(error).split())}") from error
+        said, blanks = " ".join(str(error).split()), "; indent by blanks, not by tabs" * (r"'\t'" in str(error))
+        raise ScenarioError(f"{source}: cannot be read as YAML: {said}{blanks}") from error
     except RecursionError as error:
         raise ScenarioError(f"{source}: is nested too deeply") from error
     except ValueError as error:  # a number of thousands of digits

@@ -176,7 +176,10 @@ def test_what_does_not_fit_is_refused_in_words() -> None:
         (lambda: figures.plot([POINTS[0], "folder"]), "of the type PointTrials, str; allowed: run folders, or points"),
         (lambda: figures.plot(3), "results are of the type int; allowed: run folders"),
         (lambda: figures.plot(POINTS, ax=3), "ax is 3; allowed: Axes, or several"),
-        (lambda: figures.plot(["a", "a.rrd"]), r"a\.rrd: is a recording, which .*draw_page\(read_recording"),
+        (
+            lambda: figures.plot(["a", "a.rrd"]),
+            r"a\.rrd: is a recording, which .*`plot FILE\.rrd`, or .*draw_page\(read_recording",
+        ),
         (lambda: figures.plot(POINTS, where=["count=3"]), "names, where and of are for run folders"),
         (lambda: figures.plot(POINTS, form="pie"), "figure.form: is 'pie'; allowed: 'curves', 'map'"),
         (lambda: figures.plot(POINTS, width=3), "figure.width: unknown 'width', did you mean 'width_cm'"),
