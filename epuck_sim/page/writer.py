@@ -45,12 +45,12 @@ LINES: dict[Model, str] = {
 
 
 def write_page(
-    scenario: str | Path, path: Path | str, settings: Sequence[str] = (), *, controller: str | Path | None = None
+    scenario: ScenarioLike, path: Path | str, settings: Sequence[str] = (), *, controller: str | Path | None = None
 ) -> None:
     """Write a scenario as a page: one HTML file that runs its trials in a browser, without a server or a network.
 
     Args:
-        scenario: What `load_scenario` takes: a name or a file.
+        scenario: What `load_scenario` takes; the page has commands if it is a name or a file.
         path: The page, whose name ends in `.html`.
         settings: Changes as `key=value`.
         controller: A controller that runs on all robots, see `load_scenario`.
@@ -60,7 +60,7 @@ def write_page(
         EpuckSimError: The page cannot be written.
     """
     options = [("--controller", str(each)) for each in [controller] if each] + [("--set", each) for each in settings]
-    given = shlex.join([str(scenario), *chain.from_iterable(options)])
+    given = shlex.join([str(scenario), *chain.from_iterable(options)]) if isinstance(scenario, str | Path) else ""
     write_html(path, lambda: make_page(load_scenario(scenario, settings, controller=controller), given))
 
 
@@ -96,7 +96,7 @@ def make_page(scenario: Scenario, given: str) -> str:
     model: Model = scenario.model
     data = page_data(scenario, given)
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
-    one = data["one"]
+    one, cube = data["one"], "; this is a cube seen from above" * (data["facts"].get("dimensions") == 3)
     policy = (
         f"default-src 'none'; script-src {_hash(core)} {_hash(interface)} 'wasm-unsafe-eval' blob:; worker-src blob:; "
         f"style-src {_hash(style)}; base-uri 'none'; form-action 'none'"
@@ -107,7 +107,7 @@ def make_page(scenario: Scenario, given: str) -> str:
         "TITLE": escape(f"{scenario.name}: a swarm to play with"),
         "NAME": escape(scenario.name),
         "DESCRIPTION": escape(scenario.description),
-        "HELP": HELP.format(lines=LINES[model], one=f"an {one}" if one == "agent" else f"a {one}"),
+        "HELP": HELP.format(lines=LINES[model] + cube, one=f"an {one}" if one == "agent" else f"a {one}"),
         "ONE": one,
         "REFERENCE": f"{one} {data['facts'].get('reference', 0)}",
         "SWEEP": "" if data["speed"] else "hidden",
@@ -135,7 +135,8 @@ def page_data(scenario: EmbodiedScenario | ParticleScenario, given: str) -> dict
         speed_key, one = "agents.speed_cm_s", "agent"
     limit = scenario.stop.max_cycles
     limits = {limit, *(factor * 10**power for power in range(2, 7) for factor in (1, 2, 5)), 10**7}
-    changes.append(Setting("stop.max_cycles", "trials end after", "cycles", tuple(sorted(limits)), limit))
+    if facts["has_cycles"]:
+        changes.append(Setting("stop.max_cycles", "trials end after", "cycles", tuple(sorted(limits)), limit))
     nested = scenario.model_dump(mode="json", warnings=False)
     speed = next((each for each in changes if each.key == speed_key), None)
     return {

@@ -75,7 +75,7 @@ class Page {
     this.links = /** @type {Map<string, number[]>} */ (new Map());
     this.glow = new Float64Array(this.swarm.count);
     this.is_touched = false;
-    find("copied").textContent = "The command runs the same trial, with the same T_sync.";
+    find("copied").textContent = "The command runs the same trial.";
     if (this.chosen >= this.swarm.count) this.chosen = -1;
     const refused = this.refused.splice(0).join(", ");
     this.say(refused && `Not taken from the link: ${refused}`);
@@ -104,10 +104,7 @@ class Page {
   /** Note on figures of many trials that something has been changed since. */
   outdate() {
     this.is_outdated = true;
-    for (const id of ["histogram", "curve"]) {
-      const text = find(id).parentElement.querySelector("figcaption");
-      if (text.textContent && !text.textContent.endsWith(OUTDATED)) text.textContent += OUTDATED;
-    }
+    for (const id of ["histogram", "curve"]) if (find(id).ariaLabel) this.caption(id, find(id).ariaLabel);
   }
 
   /** Simulate for some time, with a look at the order parameter ten times a period. @param {number} span_s @param {number} until */
@@ -227,7 +224,7 @@ class Page {
   draw_one(colour) {
     const { swarm, chosen } = this, phase = this.seen.phases[chosen];
     if (!swarm.camera) {
-      find("facts").textContent = `Phase ${phase.toFixed(3)}; its pulse would now reach ${swarm.receivers(chosen).length} others.`;
+      find("facts").textContent = `Phase ${phase.toFixed(3)}; agents that its pulse would reach now: ${swarm.receivers(chosen).length}`;
       return;
     }
     const eye = new CanvasPen(find("eye")), pixels = swarm.camera(chosen), wide = eye.width / pixels.length;
@@ -401,6 +398,8 @@ class Page {
       if (is_held) find(is ? "stop" : "hundred").focus();
     };
     busy(true);
+    this.play(false);
+    this.results = [];
     this.is_outdated = false;
     find("summary").hidden = true;
     try {
@@ -432,8 +431,6 @@ class Page {
   }
 
   async hundred() {
-    this.results = [];
-    this.play(false);
     const { values } = this;
     await this.run([values], 100, ([results]) => {
       const found = estimate(results, values["stop.max_cycles"], this.data.student), censored = countCensored(results);
@@ -446,8 +443,6 @@ class Page {
   }
 
   async sweep() {
-    this.results = [];
-    this.play(false);
     const { key, stops } = this.data.speed, limit = Math.min(this.values["stop.max_cycles"], SWEEP_CYCLES), { max_time_s } = this.data.facts;
     const points = stops.map((/** @type {number} */ speed) => ({ ...this.values, [key]: speed, "stop.max_cycles": limit }));
     await this.run(points, 30, (results) => {
@@ -471,12 +466,19 @@ class Page {
   }
 
   toggle() {
-    if (this.swarm.has_ended && this.swarm.is_synchronised && !this.swarm.goes_on) this.swarm.go_on();
-    else if (this.swarm.has_ended) this.begin();
+    this.go_on();
+    if (this.swarm.has_ended) this.begin();
     this.play(!this.is_playing);
   }
 
+  /** Let a trial that has ended at T_sync go on. */
+  go_on() {
+    const { has_ended, is_synchronised, goes_on } = this.swarm;
+    if (has_ended && is_synchronised && !goes_on) this.swarm.go_on();
+  }
+
   step() {
+    this.go_on();
     this.play(false);
     this.advance(this.swarm.step_s ?? this.swarm.period_s / 20);
   }
