@@ -11,7 +11,7 @@ from rerun.chunk import Chunk
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.step import check_fields, reading_fields
-from epuck_sim.recording import Level
+from epuck_sim.recording import GREY, Level
 from epuck_sim.recording.rerun import static_chunk, temporal_chunk
 from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -33,7 +33,6 @@ KEEP_EXTREMES: dict[str, Any] = {"aggregation_policy": "MinMax"}
 """Style of lines that show their extremes when zoomed out: the mean of many cycles would be flat."""
 
 RED = (225, 40, 40)
-GREY = (150, 150, 150)
 BLUE = (60, 130, 230)
 
 
@@ -43,12 +42,10 @@ def static_time_series(population: Population, level: Level, memory: Sequence[st
     for field in memory:
         yield static_chunk(memory_entity(field), lines)
     yield static_chunk(FLASHES, rr.SeriesPoints(colors=RED, markers="circle", marker_sizes=3, names="flash"))
-    yield static_chunk(
-        ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names=f"at each {population.moment}", **KEEP_EXTREMES)
-    )
-    yield static_chunk(
-        ORDER_AT_FIRINGS, rr.SeriesPoints(colors=BLUE, marker_sizes=4, names="at firings of the reference")
-    )
+    steps = f"at each {population.moment}"
+    yield static_chunk(ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names=steps, **KEEP_EXTREMES))
+    firings = "at firings of the reference"
+    yield static_chunk(ORDER_AT_FIRINGS, rr.SeriesPoints(colors=BLUE, marker_sizes=4, names=firings))
     yield static_chunk(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
     yield static_chunk(NOW, rr.TextDocument.from_fields(media_type="text/markdown"))
     if level is not Level.SUMMARY:
@@ -130,6 +127,7 @@ def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> 
     Raises ScenarioError if no controller remembers a field, or there are no controllers.
     """
     readings = reading_fields(scenario) if isinstance(scenario, EmbodiedScenario) else []
+    memory = [memory] if isinstance(memory, str) else memory
     if memory:
         bodies = require_model(scenario, EmbodiedScenario, "only robots have a memory to record")
         check_fields(bodies, [field for field in memory if field not in readings])

@@ -7,6 +7,7 @@ to 98 % of all cases; percentiles of the bootstrap do in 78 to 96 % (docs/statis
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -422,6 +423,8 @@ def summarize(points: Iterable[PointTrials]) -> Summaries:
     Raises:
         StoreError: The measure is a series (see `statistics.curves`), or trials have no T_sync.
     """
+    if isinstance(points, str | Path):
+        raise TypeError(f"points is {str(points)!r}; allowed: what read_points(FOLDER) returns")
     of, made = None, list[PointSummary]()
     for point in points:
         of = point.of

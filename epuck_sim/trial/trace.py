@@ -64,6 +64,7 @@ class Trace:
         check_target(path)
         self._path, self.trial_seed, self.trial_scenario = path.resolve(), seed_of_trial(scenario, seed), scenario
         self._robots = scenario.population
+        memory = [memory] if isinstance(memory, str) else memory
         check_fields(scenario, memory)
         self._fields = {name: name for name in reading_fields(scenario)} | {f"memory.{name}": name for name in memory}
         self._steps: list[dict[str, npt.NDArray[Any]]] = []

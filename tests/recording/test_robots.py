@@ -17,7 +17,7 @@ from rerun.chunk import RrdReader
 from epuck_sim import RecordingError, Scenario, ScenarioError, Simulation, TrialResult, load_scenario, record, run_trial
 from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.step import Step, memory_values
-from epuck_sim.recording import Level, layers, recorder
+from epuck_sim.recording import Level, layers, recorder, series
 from epuck_sim.recording.layers import UNBOUNDED_VIEW_CM, row_numbers
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import arrangement_of, make_layout
@@ -449,6 +449,7 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
         "stop": {"max_cycles": 2, "order_parameter": None, "reference_robot": 3},
     }
     scenario, fields, rows = load_scenario(changing), ["rotation_time", "phase_ms"], []
+    assert series.recorded_fields(scenario, Level.SUMMARY, "phase_ms") == ("phase_ms",)
 
     def remember(step: Step, _) -> None:
         rows.append([memory_values(step.memories, field) for field in fields])

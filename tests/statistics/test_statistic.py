@@ -313,6 +313,8 @@ def test_json_has_all_fields_of_each_point_and_the_table_a_row_that_says_what_it
     stdout = called("summarize", folder, "--json")
     read = json.loads(stdout, parse_constant=pytest.fail)
     assert read == [vars(each) for each in summarize(read_points(folder))]
+    with pytest.raises(TypeError, match=r"points is '.*'; allowed: what read_points\(FOLDER\) returns"):
+        summarize(str(folder))
     assert len(stdout.splitlines()) == 1
     stdout = called("summarize", folder)
     assert stdout.startswith(f"{folder}: T_sync (cycles)")

@@ -183,6 +183,7 @@ def test_every_value_is_that_of_the_simulation(tmp_path, monkeypatch, arena: str
     monkeypatch.setattr(trace_module, "CHUNK_ROWS", 35)  # three steps of ten robots, and no whole number of chunks
     scenario = load_scenario(arena, ["stop.max_time_s=8"])
     (tmp_path / "link.parquet").symlink_to(tmp_path / "t.parquet")
+    assert Trace(tmp_path / "m.parquet", "thesis", 0, memory="phase_ms")  # one field, and not eight letters
     with Trace(tmp_path / "link.parquet", scenario, 0) as trace:
         result = run_trial(Simulation(scenario, 0), [trace])
     assert result._replace(wall_s=0) == run_trial(Simulation(scenario, 0))._replace(wall_s=0)
