@@ -80,11 +80,8 @@ def _sections(folder: Path | str, status: Status) -> Iterator[Node]:
     yield from _list_failures(shlex.quote(str(folder)), status)
     again = f"epuck-sim run {shlex.quote(str(folder))} --point K --trial J"
     yield element("h2", "Run a trial again", id="again")
-    yield element(
-        "p",
-        "Trials repeat to the bit with the same versions. K is the number of a point, J that of a trial, from 0 to one "
-        "less than trials at a point.",
-    )
+    said = "K is the number of a point, J that of a trial, from 0 to one less than trials at a point."
+    yield element("p", f"Trials repeat to the bit with the same versions. {said}")
     yield element("pre", "\n".join([again, f"{again} --record trial.rrd", "epuck-sim replay trial.rrd"]))
     yield element("h2", "Scenario")
     stored = Path(folder) / RUN_SCENARIO

@@ -141,10 +141,8 @@ def _read_folders(
     kinds = [f"model {point.scenario.model} over {comma_list(sorted(point.axes))}" for point in firsts]
     for folder, kind in zip(folders, kinds, strict=True):
         if kind != kinds[0]:
-            raise EpuckSimError(
-                f"{folder}: is of another scenario than {folders[0]}: {kind}, and not {kinds[0]}; one figure shows "
-                "folders of one scenario, or variants of it"
-            )
+            said = f"is of another scenario than {folders[0]}: {kind}, and not {kinds[0]}"
+            raise EpuckSimError(f"{folder}: {said}; one figure shows folders of one scenario, or variants of it")
     check_units(firsts)
     named = zip(names, sweeps, strict=True)
     keys = {FOLDER: "", **firsts[0].axes}  # in the order of the first folder

@@ -64,7 +64,7 @@ def check_robots(scenario: EmbodiedScenario) -> None:
 def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
     """Return the facts from which `web/robots.js` makes swarms; raise ScenarioError for scenarios that have no page."""
     check_robots(scenario)
-    arena, contact, stop = scenario.arena.build(), scenario.contact, scenario.stop
+    arena, contact, stop, groups = scenario.arena.build(), scenario.contact, scenario.stop, scenario.robots
     return {
         "scene": fields_of(SCENE),
         "robot": fields_of(ROBOT),
@@ -74,14 +74,12 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "swarms": _swarms(scenario),
         "functions": list(chipmunk.FUNCTIONS),
         "head": chipmunk.FIRST,
-        "placements": [each.placement if each.present else "none" for each in scenario.robots],
-        "memory": [_remembered(each) for each in scenario.robots],
-        "takes_pictures": [
-            each.signal.kind == "camera" and each.camera.frames_per_s is not None for each in scenario.robots
-        ],
-        "sees": [each.signal.kind for each in scenario.robots],
-        "parameters": [fields_of(find_controller(each.controller).parameter_type) for each in scenario.robots],
-        "memories": [_memory_fields(find_controller(each.controller).memory) for each in scenario.robots],
+        "placements": [each.placement if each.present else "none" for each in groups],
+        "memory": [_remembered(each) for each in groups],
+        "takes_pictures": [each.signal.kind == "camera" and each.camera.frames_per_s is not None for each in groups],
+        "sees": [each.signal.kind for each in groups],
+        "parameters": [fields_of(find_controller(each.controller).parameter_type) for each in groups],
+        "memories": [_memory_fields(find_controller(each.controller).memory) for each in groups],
         "cell_cm": cell_cm(scenario.group_kinds),
         "masses": [kind.mass_g for kind in scenario.group_kinds],
         "margin_cm": MARGIN_CM,
@@ -101,7 +99,7 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "order_parameter": stop.order_parameter,
         "further_cycles": stop.further_cycles,
         "max_time_s": stop.max_time_s,
-        "ranges_cm": [each.camera.range_cm for each in scenario.robots],
+        "ranges_cm": [each.camera.range_cm for each in groups],
     }
 
 

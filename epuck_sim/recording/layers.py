@@ -216,9 +216,8 @@ def static_ranges(ranges_cm: FloatArray, thin_cm: float) -> Chunk:
 
 def ranges(middles: FloatArray, batch: RowBatch) -> Chunk:
     """Return the circles in these rows, around `middles`, (rows, circles, 2) cm."""
-    return temporal_chunk(
-        RANGES, batch.time_ns, rr.Ellipses2D.columns(centers=middles.reshape(-1, 2)), middles.shape[1]
-    )
+    circles = rr.Ellipses2D.columns(centers=middles.reshape(-1, 2))
+    return temporal_chunk(RANGES, batch.time_ns, circles, middles.shape[1])
 
 
 def unit_vectors(angle: FloatArray) -> FloatArray:

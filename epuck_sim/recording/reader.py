@@ -162,10 +162,8 @@ class Entities:
         trial = self.properties(TRIAL)
         if trial.get("format") != FORMAT:
             made_by = format_versions(json.loads(trial.get("versions", "{}"))) or "an unknown version"
-            raise RecordingError(
-                f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version "
-                f"of epuck-sim reads format {FORMAT}"
-            )
+            found = f"is a recording of format {trial.get('format', 'unknown')}, made by {made_by}"
+            raise RecordingError(f"{path}: {found}; this version of epuck-sim reads format {FORMAT}")
         self.trial = {**trial, "memory": json.loads(trial.get("memory", "[]"))}
 
     def properties(self, name: str) -> dict[str, Any]:
@@ -226,9 +224,9 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
                 raise RecordingError(f"{path}: is not a recording, though its name ends in {ENDING}") from error
             reason = "its end is missing" if "footer" in str(error) else error
             raise RecordingError(f"{path}: is not a complete recording: {reason}; record the trial again") from error
-    programs = ", ".join(sorted({entry.application_id for entry in found})) or "no program"
+    made_by = ", ".join(sorted({entry.application_id for entry in found})) or "no program"
     raise RecordingError(
-        f"{path}: holds {len(found)} recordings, made by {programs}; allowed: one made by {APPLICATION}"
+        f"{path}: holds {len(found)} recordings, made by {made_by}; allowed: one made by {APPLICATION}"
     )
 
 

@@ -54,10 +54,9 @@ def population_of(scenario: Scenario) -> Population:
     if isinstance(scenario, ParticleScenario):
         count, side_cm, period_s = scenario.agents.count, scenario.space.side_cm, scenario.clocks.period_s
         if period_s < SHORTEST_S:
-            raise RecordingError(
-                f"{scenario.name}: clocks.period_s is {period_s:g}, which is too short for a recording, whose times "
-                f"are whole nanoseconds; allowed: {SHORTEST_S:g} or longer"
-            )
+            why = "which is too short for a recording, whose times are whole nanoseconds"
+            said = f"clocks.period_s is {period_s:g}, {why}; allowed: {SHORTEST_S:g} or longer"
+            raise RecordingError(f"{scenario.name}: {said}")
         height_cm = side_cm if scenario.space.dimensions > 1 else 0.0
         return Population(
             noun="agent",
