@@ -8,6 +8,7 @@ from pathlib import Path
 from epuck_sim.display.html import Node, details, element, facts, in_words, make_document, table, to_html, write_html
 from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.forms.curves import PREDICTED_AXES
 from epuck_sim.figures.labels import axis_label, group_labels
 from epuck_sim.figures.saving import to_svg
 from epuck_sim.figures.sweep_figure import read_form
@@ -90,8 +91,9 @@ def _sections(folder: Path | str, status: Status) -> Iterator[Node]:
 
 
 def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[Node]:
-    """Yield a figure, with predictions for T_sync, and a caption below it; nothing if the form does not fit."""
-    figure = points[0].scenario.figure.model_copy(update={"theory": points[0].of is None})
+    """Yield a figure, of T_sync with predictions, and a caption below it; nothing if the form does not fit."""
+    is_predicted = points[0].of is None and any(axis in points[0].axes for axis in PREDICTED_AXES)
+    figure = points[0].scenario.figure.model_copy(update={"theory": is_predicted})
     first = points[0]._replace(scenario=points[0].scenario.model_copy(update={"figure": figure}))
     try:
         form = read_form([first, *points[1:]], {"form": name})
