@@ -255,7 +255,7 @@ class Agents {
     const y = dimensions > 1 ? places.slice(count, 2 * count) : new Float64Array(count).fill(middle);
     const heading = new Float64Array(count);
     for (let agent = 0; agent < count; agent++) heading[agent] = Math.atan2(dimensions > 1 ? headings[count + agent] : 0, headings[agent]);
-    return { time_s: this.time_s, x, y, heading, phases: phases.slice(), is_lit: null, depth: dimensions > 2 ? places.slice(2 * count, 3 * count) : null };
+    return { x, y, heading, phases: phases.slice(), is_lit: null };
   }
 
   /** Return the agents that would receive a pulse of an agent now; none if receivers are drawn at each pulse. @param {number} agent */

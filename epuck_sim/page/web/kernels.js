@@ -3,7 +3,7 @@
 
 /** @typedef {{[key: string]: any}} Values of keys of a scenario */
 /** @typedef {{seed: bigint, cycles: number, is_synchronised: boolean, order_parameter: number | null, steps: number, time_s: number}} Result of a trial */
-/** @typedef {{time_s: number, x: Float64Array, y: Float64Array, heading: Float64Array, phases: Float64Array, is_lit: Uint8Array | null, depth: Float64Array | null}} Picture of a swarm: cm, rad, and shares of a period */
+/** @typedef {{x: Float64Array, y: Float64Array, heading: Float64Array, phases: Float64Array, is_lit: Uint8Array | null}} Picture of a swarm: cm, rad, and shares of a period */
 /** @typedef {{[name: string]: [offset: number, kind: string]}} Fields place of each field in a record, and kind of its numbers */
 
 /** Statuses of numba's functions that have returned a value, or None. */

@@ -187,7 +187,7 @@ class Robots {
     /** @type {number[] | null} of synchrony: cycles and order parameter */
     this.synchrony = null;
     this.goes_on = false;
-    this.now_s = 0;
+    this.time_s = 0;
     /** @type {Float64Array} */
     this.before = this.poses();
     /** @type {Float64Array} */
@@ -249,10 +249,6 @@ class Robots {
     this.goes_on = true;
   }
 
-  get time_s() {
-    return this.now_s;
-  }
-
   /** Run the present trial to its end, in slices. @returns {Generator<number, Result>} */
   *run() {
     while (!this.has_ended) {
@@ -287,7 +283,7 @@ class Robots {
         if (this.dark.has(robot)) this.set("robot", "ring_on", robot, 0);
       }
     }
-    this.now_s = this.has_ended ? Math.max(0, this.steps - 1) * this.step_s : time_s;
+    this.time_s = this.has_ended ? Math.max(0, this.steps - 1) * this.step_s : time_s;
   }
 
   /** Return x, y and heading of all robots, one after the other. */
@@ -302,14 +298,14 @@ class Robots {
   /** Return the picture of this moment, between the last two control steps. @returns {Picture} */
   look() {
     const { count, before, last } = this;
-    const share = Math.min(Math.max(1 - ((this.steps - 1) * this.step_s - this.now_s) / this.step_s, 0), 1);
+    const share = Math.min(Math.max(1 - ((this.steps - 1) * this.step_s - this.time_s) / this.step_s, 0), 1);
     const [x, y, heading, phases] = [0, 1, 2, 3].map(() => new Float64Array(count));
     for (let robot = 0; robot < count; robot++)
       [x, y, heading].forEach((found, each) => (found[robot] = before[3 * robot + each] + share * (last[3 * robot + each] - before[3 * robot + each])));
     phases.fill(NaN);
     for (const { robot, at, kind, period } of this.oscillators) phases[robot] = this.block.read(at, kind) / period;
     const is_lit = Uint8Array.from({ length: count }, (_, robot) => this.get("robot", "ring_on", robot));
-    return { time_s: this.now_s, x, y, heading, phases, is_lit, depth: null };
+    return { x, y, heading, phases, is_lit };
   }
 
   /** Return the group of a robot, and its number. @param {number} robot */
