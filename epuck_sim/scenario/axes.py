@@ -100,7 +100,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *
             raise EpuckSimError(f"{origin}: {said}; axes{'' if by_name else ' with numbers'}: {comma_list(numbers)}")
         return requested
     if not numbers:
-        names = "; for names: plot --form violins" if rows[0] else ""
+        names = "; for names: plot --form violins" if rows[0] else "; sweeps have one: run --sweep KEY=A,B"
         raise EpuckSimError(f"there is no axis with numbers{names}")
     return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
 

@@ -60,7 +60,7 @@ def parse_axis(axis: str, option: str) -> tuple[str, list[Any]]:
 
 
 def _parted(given: str, option: str, form: str) -> tuple[str, str]:
-    key, equals, text = given.partition("=")
+    key, equals, text = map(str.strip, given.partition("="))
     if not equals or not key:
         raise ScenarioError(f"{option} {given}: give it as {form}")
     return key, text
