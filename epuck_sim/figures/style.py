@@ -96,10 +96,8 @@ def make_panels(
     """
     count, is_stack = len(titles), len(labels) > 2
     if count > MAX_PANELS:
-        raise EpuckSimError(
-            f"there would be {count} panels, one for each combination of the other axes; allowed: up to {MAX_PANELS}; "
-            "draw against other axes, or --form curves"
-        )
+        said = f"there would be {count} panels, one for each combination of the other axes"
+        raise EpuckSimError(f"{said}; allowed: up to {MAX_PANELS}; draw against other axes, or --form curves")
     width_cm = width_cm or (COLUMN_CM if count == 1 or is_stack else PAGE_CM)
     columns = min(count if count <= 3 else math.ceil(math.sqrt(count)), max(1, int(width_cm / MIN_PANEL_CM)))
     columns = 1 if is_stack else columns

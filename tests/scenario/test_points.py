@@ -300,7 +300,7 @@ def test_words_sections_conditions_and_parameters_of_swept_controllers_can_be_ax
         assert point.scenario.robots[0].parameters["period_s"] == 8
         assert point.scenario.robots[0].memory == {"phase_ms": 100}
     assert "speed_cm_s" not in blinks.scenario.robots[0].parameters
-    assert points(load_scenario("thesis", axes=["controller = constant"]))[0].scenario.robots[0].controller == "constant"
+    assert points(load_scenario("thesis", axes=["controller = constant"]))[0].scenario.controllers == ("constant",)
     assert moves.scenario.robots[0].parameters["speed_cm_s"] == 3
     (point,) = points(load_scenario({"sweep": {"points": [{WIDTH: 80, "arena": {"height_cm": 90}}]}}))
     assert (point.scenario.arena.width_cm, point.scenario.arena.height_cm) == (80, 90)

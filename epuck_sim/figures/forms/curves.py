@@ -128,10 +128,8 @@ class Curves(Form):
         axis, points, names = named_axis(points, choices)
         split_by, origin = choices.axis("panels", taken=axis)
         if (count := len(group_by_other_axes(points, axis))) > MAX_CURVES:
-            raise EpuckSimError(
-                f"there would be {count} curves, one for each combination of the other axes; allowed: up to "
-                f"{MAX_CURVES}; draw against another --x, or --form map"
-            )
+            said = f"there would be {count} curves, one for each combination of the other axes"
+            raise EpuckSimError(f"{said}; allowed: up to {MAX_CURVES}; draw against another --x, or --form map")
         curves = read_curves(points, axis, Statistic(choices.section.statistic))
         check_panels(rows, axis, split_by, origin)
         found: dict[str, Any] = {"axis": axis, "curves": curves, "names": names, "split_by": split_by}
@@ -321,10 +319,8 @@ class Series(Form):
 
     def __post_init__(self) -> None:
         if len(self.points) > MAX_LINES:
-            raise EpuckSimError(
-                f"there would be {len(self.points)} lines, one for each point; allowed: up to {MAX_LINES}; epuck-sim "
-                "summarize prints all"
-            )
+            said = f"there would be {len(self.points)} lines, one for each point; allowed: up to {MAX_LINES}"
+            raise EpuckSimError(f"{said}; epuck-sim summarize prints all")
         trials = style.count_trials([int(point.statistics.trials[0]) for point in self.points])
         over = self.points[0].statistics.over
         self.labels = f"{over} of 5 s" if all(point.is_timed for point in self.points) else over, self.quantity

@@ -100,10 +100,8 @@ class Form(ABC):
     def draw_on(self, panels: Sequence[Axes]) -> None:
         """Draw into given Axes, and label them; raise EpuckSimError if they are not as many as the form has panels."""
         if len(panels) != len(self.titles):
-            raise EpuckSimError(
-                f"the figure has {counted(len(self.titles), 'panel')}, but ax is {len(panels)} Axes: give as many, or "
-                "points with one value of the other axes"
-            )
+            said = f"the figure has {counted(len(self.titles), 'panel')}, but ax is {len(panels)} Axes"
+            raise EpuckSimError(f"{said}: give as many, or points with one value of the other axes")
         self.draw(panels)
         heights = [self.labels[1]] * len(panels) if len(self.labels) == 2 else self.labels[1:]
         for panel, title, height in zip(panels, self.titles, heights, strict=True):
@@ -178,7 +176,5 @@ def check_has_values(points: Sequence[PointTrials], form: str) -> None:
     of = points[0].of
     if of not in T_SYNC:
         raise EpuckSimError(f"no trial has a value of {of}, so --form {form} would be blank")
-    raise EpuckSimError(
-        f"all trials are censored, so --form {form} would be blank; raise stop.max_cycles, or draw --form curves, "
-        "which marks where trials are censored"
-    )
+    instead = "raise stop.max_cycles, or draw --form curves, which marks where trials are censored"
+    raise EpuckSimError(f"all trials are censored, so --form {form} would be blank; {instead}")
