@@ -120,6 +120,8 @@ def _default(name: str, field: _Field) -> Value:
     if field.count:
         raise ValueError(f"{name} is an array; parameters are single numbers")
     default: Value = KINDS[field.kind](field.value)
+    if default != field.value and field.kind != b"f":
+        raise ValueError(f"{name} is {field.value:g}; allowed: a whole number in E_INT, true or false in E_BOOL")
     return typed(name, default, default)
 
 
@@ -169,7 +171,13 @@ def _run(path: Path, command: Sequence[str | Path]) -> str:
         if missing := re.search(r"""(?:undefined reference to .|"_)(start|step)['"]""", run.stderr):
             raise ControllerError(f"{path}: has no function void {missing[1]}(void), which the simulator calls")
         said = "\n".join(f"  {line}" for line in (run.stderr or run.stdout).splitlines())
-        if lacking := re.search(r"(?:implicit declaration of|undeclared) function .(e_\w+)", said):
+        _, included, rest = source.partition("<epuck.h>")
+        lacking = re.search(r"(?:implicit declaration of|undeclared) function .(e_\w+)", said)
+        if re.search(r"#\s*define\s+(PARAMETERS|MEMORY)\b", rest):
+            said += "\n  PARAMETERS and MEMORY come before #include <epuck.h>"
+        elif lacking and not included:
+            said += "\n  the file has no #include <epuck.h>"
+        elif lacking:
             said += f"\n  epuck.h has no {lacking[1]}: docs/firmware.md says what is simulated"
         raise ControllerError(f"{path}: {command[0]} cannot compile it:\n{said}")
     return run.stdout

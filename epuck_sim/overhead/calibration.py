@@ -407,7 +407,7 @@ def _fit(
     camera, error_cm = camera_of(filled(found)), 0.0
     if len(rings.radius_px):  # error of the corners on the floor, from draws of the fitted values
         covariance, pixels = np.linalg.pinv(fit.jac.T @ fit.jac), camera.project(floor)
-        draws = np.random.default_rng(0).multivariate_normal(found, covariance, 32, method="svd")
+        draws = np.random.default_rng(0).multivariate_normal(found, covariance, 32, "ignore", method="svd")
         off_cm = [camera_of(filled(draw)).back_project(pixels, 0.0) - floor[:, :2] for draw in draws]
         error_cm = float(np.sqrt(np.mean(np.sum(np.square(off_cm), axis=2))))
     tilt_deg = math.degrees(math.acos(min(1.0, -camera.rotation[2, 2])))

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.util.messages import comma_list, nearest_name, short_yaml
@@ -29,6 +30,20 @@ LARGEST = 1e6  # largest number that keys without a limit of their own may have
 
 Positive = Annotated[Number, Field(gt=0, le=LARGEST)]
 Length = Annotated[Number, Field(ge=1e-6, le=LARGEST)]  # in cm; the square of a much shorter one would be 0
+
+
+def _row_of(*names: str) -> BeforeValidator:
+    def check(given: object) -> object:
+        if not isinstance(given, list | tuple) or len(given) != len(names):
+            raise PydanticCustomError("row", "a row", {"names": ", ".join(names)})
+        return given
+
+    return BeforeValidator(check)
+
+
+Point = Annotated[tuple[Number, Number], _row_of("x_cm", "y_cm")]
+Pose = Annotated[tuple[Number, Number, Number], _row_of("x_cm", "y_cm", "heading_rad")]
+Mount = Annotated[tuple[Number, Number, Number], _row_of("x_cm", "y_cm", "direction_deg")]
 
 
 def check_range(key: str, value: float | None, least: float, most: float, why: str = "") -> None:
@@ -109,6 +124,7 @@ ALLOWED = {
     "text as the key": "invalid_key",
     "text in Unicode": "string_unicode",
     "true or false": "bool_parsing bool_type",
+    "[{names}]": "row",
     "{error}": "value_error",
     "{expected}": "literal_error",
     "{min_length} or more characters": "string_too_short",
@@ -226,21 +242,36 @@ def problems_in(
         if tag and wrong in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
             names = [name for each in classes for name in tagged(each)[1]]
             near, allowed = nearest_name(context.get("tag", ""), names), f"a mapping with {tag}: {' or '.join(names)}"
+        elif allowed in ("a list", "a mapping of keys to values"):
+            allowed += _also(given, key, around)
         said = f"is {short_yaml(given)}{f', did you mean {near!r}?' if near else ''}; allowed: {allowed}"
         if wrong == "missing":
             said = "is missing"
-        elif wrong == "extra_forbidden" and (owner := _owner(path, others)):
-            said = f"belongs to model: {owner}; give that model, or leave it out"
         elif wrong == "extra_forbidden":
+            field = next((part for part in path[-2::-1] if not part.isdecimal()), "")
+            kinds = [*kinds_with(path[-1], field, classes if tag else around)]
+            if not kinds and (owner := _owner(path, others)):
+                yield key, f"{key}: belongs to model: {owner}; give that model, or leave it out"
+                continue
             known = list(around[0].model_fields) if around else []
             inside = [each for each in keys if each.startswith("".join(f"{part}." for part in path[:-1]))]
             other = f"; for another {tag}, give the whole section" if tag else ""
-            field = next((part for part in path[-2::-1] if not part.isdecimal()), "")
-            kinds = [*kinds_with(path[-1], field, classes if tag else around)]
             said = f"{guess(path[-1], known, inside, kinds)}; allowed: {comma_list(known)}{other}"
         elif wrong == "value_error" and isinstance(given, dict):  # of a whole section: what is said names the key
             said = allowed
         yield key or said.split()[0], f"{key}: {said}" if key else said
+
+
+def _also(given: Any, key: str, around: Sequence[type[ConfigModel]]) -> str:
+    """Return what else is allowed, or was probably meant, where a list or a mapping of keys is expected; or nothing."""
+    field = around[0].model_fields.get(key.rpartition(".")[2]) if around else None
+    classes = section_classes(field.annotation) if field else []
+    if field and type(None) in get_args(field.annotation):
+        return " or null"
+    if classes and isinstance(given, Mapping):
+        return f", such as [{short_yaml(given)}]"
+    is_number = len(classes) == 1 and "count" in classes[0].model_fields and isinstance(given, int)
+    return f"; for their number, give {key}.0.count" if is_number else ""
 
 
 def _owner(path: Sequence[str], kinds: Sequence[type[ConfigModel]]) -> str | None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, Field
 
-from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, Positive, WholeNumber, check_range
+from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, Pose, Positive, WholeNumber, check_range
 from epuck_sim.scenario.scenario import Condition
 
 FAULTS = {
@@ -343,7 +343,7 @@ class RobotScheduleEntry(ScheduleEntry):
     """Numbers of the robots that leave the arena."""
     add: Members = ()
     """Numbers of the robots that come into the arena, with controllers that start."""
-    poses: tuple[tuple[Number, Number, Number], ...] | None = None
+    poses: tuple[Pose, ...] | None = None
     """With `add`, `x_cm, y_cm, heading_rad` of each robot; by default they come to random free places."""
 
     def _check_together(self) -> None:

@@ -20,7 +20,7 @@ from epuck_sim import epuck
 from epuck_sim.control.interface import SENSORS, Sensor, Wheels
 from epuck_sim.control.loader import find_sensor
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Length, Number, Positive, check_range, problems_in, refused_at
+from epuck_sim.scenario.base import ConfigModel, Length, Mount, Number, Positive, check_range, problems_in, refused_at
 from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
 from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
@@ -40,7 +40,7 @@ def sensors_by_name(given: Any) -> dict[str, dict[str, Any]]:
         name, sensor = each if isinstance(given, Mapping) else _from_list(each)
         sensor = {FILE: sensor} if isinstance(sensor, str) else sensor
         if not isinstance(sensor, Mapping) or not isinstance(sensor.get(FILE), str):
-            allowed = f"its file and parameters, {{file: {name}.py}}"
+            allowed = f"its file and parameters, {{file: {Path(str(name)).stem}.py}}"
             raise ValueError(f"{name} is {short_yaml(sensor)}; allowed: {allowed}")  # noqa: TRY004
         if not str(name).isidentifier():
             raise ValueError(f"{name!r} is no name for a sensor; allowed: letters, digits and _")
@@ -219,9 +219,7 @@ def _needs_file(section: Any) -> bool:
 class ProximitySection(ConfigModel):
     """The infrared proximity sensors of a robot, `null` for one without any; what is left out is the e-puck's."""
 
-    sensors: Annotated[tuple[tuple[Number, Number, Number], ...], Field(min_length=1, max_length=SENSORS)] = (
-        epuck.INFRARED_SENSORS
-    )
+    sensors: Annotated[tuple[Mount, ...], Field(min_length=1, max_length=SENSORS)] = epuck.INFRARED_SENSORS
     """`x_cm, y_cm, direction_deg` of each: x ahead and y left of the axle's centre, directions counter-clockwise."""
     spread_deg: Annotated[Number, Field(gt=0, le=80)] = epuck.INFRARED_SPREAD_DEG
     """Angle between a sensor's centre ray and each of its two side rays."""
@@ -274,6 +272,8 @@ class RobotKind(ConfigModel):
     @classmethod
     def _start_from_kind(cls, given: Any) -> Any:
         section = as_section(given)
+        if not isinstance(section, Mapping | ConfigModel):
+            raise ValueError("a robot's name, such as kilobot, or a mapping of keys to values")  # noqa: TRY004
         return {**find_robot(section["kind"]).keys, **section} if _needs_file(section) else section
 
     def _check_together(self) -> None:

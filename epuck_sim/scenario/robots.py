@@ -17,7 +17,7 @@ from epuck_sim.control.names import check_sensed
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.arena import ArenaSection
-from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, WholeNumber, check_range, refused_at
+from epuck_sim.scenario.base import LARGEST, ConfigModel, Length, Number, Pose, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, resolve_sensor, sensors_by_name
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_yaml
@@ -141,7 +141,7 @@ class RobotGroup(ConfigModel):
     """Whether its robots are in the arena at the start; else the schedule adds them."""
     placement: Literal["random", "grid", "poses"] = "random"
     """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as in `poses`."""
-    poses: tuple[tuple[Number, Number, Number], ...] | None = None
+    poses: tuple[Pose, ...] | None = None
     """`x_cm, y_cm, heading_rad` of each robot, instead of a placement."""
     controller: str = "firefly"
     """Name of a shipped or installed controller, or a file (.py, .c or .so), relative to the scenario's file."""
