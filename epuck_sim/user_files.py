@@ -372,9 +372,8 @@ def run_check(
 
 def parameter_type(values: Mapping[str, Value]) -> np.dtype[Any]:
     """Return the type of records that hold these parameters."""
-    lengths = {name: len(value) for name, value in values.items() if isinstance(value, tuple)}
-    kinds = {name: (float, lengths[name]) if name in lengths else type(value) for name, value in values.items()}
-    return record_type(kinds)
+    kinds = ((float, len(value)) if isinstance(value, tuple) else type(value) for value in values.values())
+    return record_type(dict(zip(values, kinds, strict=True)))
 
 
 def record_type(fields: Mapping[str, Any], most: int = MOST_NUMBERS) -> np.dtype[Any]:

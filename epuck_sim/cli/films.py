@@ -331,22 +331,20 @@ def compare_film(
         files["--plot"] = check_files(stem, (*formats, ".csv"))
     outputs = {"--plot": (plot, None), "--fit": (fit, [".yaml", ".yml"])}
     options.check_outputs({"the film": film, "SCENARIO": scenario}, outputs, files)
-    groups = len(loaded.robots)
-    one = f"{loaded.name}: has {groups} groups of robots; allowed: one, to fit it to a film"
-    reject_first((fit is not None and groups > 1, one))
+    one = f"{loaded.name}: has {len(loaded.robots)} groups of robots; allowed: one, to fit it to a film"
+    reject_first((fit is not None and len(loaded.robots) > 1, one))
     simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
     track = track_film(film, scene, None, progress_bar("tracking"), FilmMetadata.of(describe_film(loaded, loaded.seed)))
     found = find_robots(track)
     floor_cm = track.geometry.floor_cm
     doubts = [*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings]
     if floor_cm != simulated_cm:
-        doubts.append(
-            f"the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
-            f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they should be the same, check --arena-cm or SCENARIO"
-        )
-    shown, count = track.options.robots or track.robots_seen, loaded.population
-    if shown > count or track.options.robots not in (None, count):
-        doubts.append(f"the film shows {shown} robots, {loaded.name} has {count}")
+        shown, other = (f"{width_cm:g} x {height_cm:g} cm" for width_cm, height_cm in (floor_cm, simulated_cm))
+        said = f"the film's floor is {shown}, that of {loaded.name} {other}"
+        doubts.append(f"{said}; if they should be the same, check --arena-cm or SCENARIO")
+    seen, count = track.options.robots or track.robots_seen, loaded.population
+    if seen > count or track.options.robots not in (None, count):
+        doubts.append(f"the film shows {seen} robots, {loaded.name} has {count}")
     print_doubts(doubts)
     bar = progress_bar("simulating", "{task.completed} of {task.total} trials", lambda number: number + 1)
     rows = compare.compare_film(found, loaded, trials, lambda numbers: bar(numbers, trials))

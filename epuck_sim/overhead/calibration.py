@@ -196,8 +196,8 @@ def calibrate(
     rings = measure_rings(dark if corners is None else islice(dark, most_frames), background, most_frames)
     if corners is None and not len(rings.radius_px):
         raise FilmError(
-            f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so long that "
-            f"rings are discs? Those of {MIN_RADIUS_PX:g} px radius or more are searched, up to "
+            f"{name}: no lit ring is seen; is it the right film, is the room dark, and is the exposure long enough, "
+            f"but not so long that rings are discs? Those of {MIN_RADIUS_PX:g} px radius or more are searched, up to "
             f"{MAX_RADIUS * min(size_px):.0f} px in pictures of {size_px[0]} x {size_px[1]} px, lit up to half of it "
             "wide. If there are, give the floor's corners by --corners, which show their size"
         )

@@ -171,9 +171,8 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
     """Return a scenario's camera above an arena's middle; raise EpuckSimError if walls or its lens allow no picture."""
     above_cm = section.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(width_cm, height_cm)
     if above_cm <= 2 * WALL_HEIGHT_CM:
-        raise EpuckSimError(
-            f"overhead.height_cm is {above_cm:g}; allowed: more than {2 * WALL_HEIGHT_CM:g}, twice the walls' height"
-        )
+        allowed = f"more than {2 * WALL_HEIGHT_CM:g}, twice the walls' height"
+        raise EpuckSimError(f"overhead.height_cm is {above_cm:g}; allowed: {allowed}")
     rotation, tilt, turn = LOOKING_DOWN, math.radians(section.tilt_deg), math.radians(section.turn_deg)
     if tilt or turn:
         lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
@@ -289,9 +288,8 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
         told: dict[str, Any] = {"width_px": size_px[0], "height_px": size_px[1], **lens._asdict()}
         return LensFile(**told, views=len(views), error_px=error)
     except (cv2.error, ValueError) as failed:  # pydantic's are ValueErrors
-        raise FilmError(
-            f"{name}: the views of the board do not determine a lens; show it tilted, near and far, and in the corners"
-        ) from failed
+        instead = "show it tilted, near and far, and in the corners"
+        raise FilmError(f"{name}: the views of the board do not determine a lens; {instead}") from failed
 
 
 def _fit_lens(

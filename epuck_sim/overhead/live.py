@@ -164,10 +164,8 @@ class LiveCamera(AbstractContextManager["LiveCamera"]):
         self._open()
         if not self._capture.isOpened():
             self._capture.release()
-            raise FilmError(
-                f"{self.name} cannot be opened; allowed: the number of a camera that is plugged in (0 for the first), "
-                "that this user may read, and that no other program uses"
-            )
+            allowed = "the number of a camera that is plugged in (0 for the first), that this user may read"
+            raise FilmError(f"{self.name} cannot be opened; allowed: {allowed}, and that no other program uses")
         self._zero_s = time.monotonic()
         try:
             first = self._grab()

@@ -177,14 +177,12 @@ def find_robots(track: Track) -> Robots:
     identities, expected = link_flashes(flashes, track.period_s, track.geometry.floor_cm), track.options.robots
     warnings = []
     if identities.unsure > MANY_UNSURE:
-        warnings.append(
-            f"{100 * identities.unsure:.0f} % of the links from flash to flash have an alternative that is nearly as "
-            "good: robots move too far while they are dark; tags tell them apart (--tags)"
-        )
+        said = f"{100 * identities.unsure:.0f} % of the links from flash to flash have an alternative"
+        too_far = "robots move too far while they are dark; tags tell them apart (--tags)"
+        warnings.append(f"{said} that is nearly as good: {too_far}")
     if expected is not None and identities.robots != expected:
-        warnings.append(
-            f"flashes are linked to {identities.robots} robots, but there are {expected}: lost ones are counted anew"
-        )
+        said = f"flashes are linked to {identities.robots} robots, but there are {expected}"
+        warnings.append(f"{said}: lost ones are counted anew")
     return Robots(track, "motion", flashes, identities, np.arange(identities.robots), None, tuple(warnings))
 
 
@@ -207,10 +205,8 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     robot = np.where(away_cm.min(axis=1) <= NEAR_CM, numbers[away_cm.argmin(axis=1)], -1)
     is_whole = (flashes.onset_s > track.times_s[0]) & (flashes.end_s < track.times_s[-1])  # if cut, it may be one frame
     if unknown := np.count_nonzero((robot < 0) & is_whole):
-        warnings.append(
-            f"flashes that are under no tag: {unknown} of {len(robot)}; some robots have no tag, or one that cannot "
-            "be read"
-        )
+        said = f"flashes that are under no tag: {unknown} of {len(robot)}"
+        warnings.append(f"{said}; some robots have no tag, or one that cannot be read")
     if expected_robots is not None and expected_robots != len(numbers):
         warnings.append(f"robots whose tags are read: {len(numbers)}, but there are {expected_robots}")
     cycle = np.ones(len(robot), np.int64)
@@ -242,9 +238,8 @@ def _only_once(readings: Readings, warnings: list[str]) -> Readings:
     is_twice = counts[np.ravel(inverse)] > 1
     for number in np.unique(readings.number[is_twice]):
         frames = len(np.unique(readings.time_s[is_twice & (readings.number == number)]))
-        warnings.append(
-            f"tag {number} is seen twice in {frames} frames, and left out there: two robots have it, or it is mirrored"
-        )
+        said = f"tag {number} is seen twice in {frames} frames, and left out there"
+        warnings.append(f"{said}: two robots have it, or it is mirrored")
     return readings.of(~is_twice)
 
 

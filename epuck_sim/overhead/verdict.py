@@ -50,6 +50,7 @@ HIDING = 1.5  # given period, relative to the true one, from which on it may hid
 OTHER_PERIOD = 0.05  # relative difference between true and given period that is doubtful; clocks differ by less
 ENOUGH_PERIODS = 3.5  # periods in a film below which the estimated period may be wrong
 WRONG_SIZE = 0.08  # relative error of the rings' size that makes the scale doubtful; blur and haze give half of it
+TOO_FAR = "robots move too far between flashes to tell; give --period-s or --robots"
 TILTED_DEG = 3.0  # tilt of a camera that makes positions doubtful if no corners are given
 
 
@@ -132,23 +133,19 @@ def objections(evidence: Evidence) -> list[str]:
     found = _about_robots(evidence)
     one_cm, two_cm = moves_cm(evidence)
     if not evidence.period_is_given and one_cm > 2 * two_cm + 1.0:
-        found.append(
-            f"the same places flash again after two periods of {period_s:.4g} s, not one: two groups may flash in "
-            f"turn, and the period may be {2 * period_s:.4g} s; give --period-s"
-        )
+        said = f"the same places flash again after two periods of {period_s:.4g} s, not one"
+        twice = f"the period may be {2 * period_s:.4g} s; give --period-s"
+        found.append(f"{said}: two groups may flash in turn, and {twice}")
     if evidence.is_early and not found and may_be_half_a_period(evidence):
-        found.append(
-            f"flashes are in step from the beginning, or the period is {2 * period_s:.4g} s and two groups "
-            "flash in turn; robots move too far between flashes to tell; give --period-s or --robots"
-        )
+        in_turn = f"the period is {2 * period_s:.4g} s and two groups flash in turn"
+        found.append(f"flashes are in step from the beginning, or {in_turn}; {TOO_FAR}")
     if not found and evidence.in_order_s is None:
         near = synchrony.order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
         if near >= NEAR_ORDER:
             least = math.floor(100 * near) / 100
-            found.append(
-                f"the film ends too early to tell: at its last flashes the order parameter is at least {least:.2f}; "
-                f"film for one more period of {period_s:.4g} s (`run` does with stop.further_cycles=2)"
-            )
+            said = f"the film ends too early to tell: at its last flashes the order parameter is at least {least:.2f}"
+            further = "(`run` does with stop.further_cycles=2)"
+            found.append(f"{said}; film for one more period of {period_s:.4g} s {further}")
     return found + _about_light(evidence)[0]
 
 
@@ -156,16 +153,13 @@ def _about_robots(evidence: Evidence) -> list[str]:
     """Return doubts about the number of robots, from the rings lit at once or the flashes in a period."""
     robots, most_lit, per_period = evidence.robots, evidence.most_lit, evidence.flashes_per_period
     if robots is not None and most_lit > robots:
-        return [
-            f"{most_lit} rings were lit at once, but there are {robots} robots: check --robots, or what else is lit"
-        ]
+        said = f"{most_lit} rings were lit at once, but there are {robots} robots"
+        return [f"{said}: check --robots, or what else is lit"]
     if robots is not None and not FEWEST_PER_ROBOT <= per_period / robots <= MOST_PER_ROBOT:
         size = searched(evidence.counted.geometry.camera)
         few = f", or whether rings are burnt out or dim, or not {size}" if per_period < robots else ""
-        return [
-            f"there were {per_period:.1f} flashes per period, but there are {robots} robots: check --robots, "
-            f"--period-s, --fps{few}"
-        ]
+        said = f"there were {per_period:.1f} flashes per period, but there are {robots} robots"
+        return [f"{said}: check --robots, --period-s, --fps{few}"]
     if evidence.sync is None:
         return []
     middles_s = (evidence.flashes.onset_s + evidence.flashes.end_s) / 2
@@ -246,26 +240,20 @@ def doubts(evidence: Evidence) -> list[str]:
     counted, flashes, geometry = evidence.counted, evidence.flashes, evidence.counted.geometry
     found = [*_doubts_about_frames(evidence)]
     if evidence.lit_always:
-        found.append(
-            f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}; check "
-            f"--period-s{evidence.unless_corners(', or leave out lamps beside the floor by --corners')}"
-        )
+        said = f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}"
+        lamps = evidence.unless_corners(", or leave out lamps beside the floor by --corners")
+        found.append(f"{said}; check --period-s{lamps}")
     elif counted.dazzled > MOST_DAZZLED:
-        found.append(
-            f"{100 * counted.dazzled:.1f} % of the floor always shines as brightly as rings, which are not seen there: "
-            f"switch lamps and screens off{evidence.unless_corners(', or leave them out by --corners')}"
-        )
+        said = f"{100 * counted.dazzled:.1f} % of the floor always shines as brightly as rings"
+        hint = evidence.unless_corners(", or leave them out by --corners")
+        found.append(f"{said}, which are not seen there: switch lamps and screens off{hint}")
     if counted.outside:
-        found.append(
-            f"rings outside of the floor, and left out: {counted.outside} in {len(counted.times_s)} frames; they are "
-            "mirror images, rings of another arena, or --corners or --arena-cm are wrong"
-        )
+        said = f"rings outside of the floor, and left out: {counted.outside} in {len(counted.times_s)} frames"
+        found.append(f"{said}; they are mirror images, rings of another arena, or --corners or --arena-cm are wrong")
     burnt = np.count_nonzero(flashes.light >= DISC_LIGHT)
     if burnt > MOST_BURNT * len(flashes.light):
-        found.append(
-            f"flashes whose rings are burnt out to discs: {burnt} of {len(flashes.light)}; lamps look the "
-            "same; film with a shorter, fixed exposure"
-        )
+        said = f"flashes whose rings are burnt out to discs: {burnt} of {len(flashes.light)}; lamps look the same"
+        found.append(f"{said}; film with a shorter, fixed exposure")
     by_light = float(rings_by_light(counted.areas_px, counted.counts).sum())
     if by_light and (unseen := 1.0 - float(counted.counts.sum()) / by_light) > MOST_UNSEEN:
         found.append(
@@ -273,27 +261,21 @@ def doubts(evidence: Evidence) -> list[str]:
             "size or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and "
             f"more frames per second{evidence.unless_corners(', or give the corners by --corners')}"
         )
-    ring_size = geometry.ring_size
+    corners, ring_size = "give the floor's corners by --corners", geometry.ring_size
     if math.isnan(ring_size) and any(counted.rings):  # described: the film may have been scaled or cropped since
         seen_cm = [ring.radius_cm for rings in counted.rings for ring in rings]
         ring_size = float(np.median(seen_cm)) / epuck.RING_RADIUS_CM
     if geometry.knows_floor and abs(ring_size - 1) > WRONG_SIZE:
-        found.append(
-            f"by {geometry.calibration}, rings come out {ring_size:.2f} times as large as they are: lengths "
-            "and speeds may be as wrong; give the floor's corners by --corners and its size by --arena-cm"
-        )
+        said = f"by {geometry.calibration}, rings come out {ring_size:.2f} times as large as they are"
+        found.append(f"{said}: lengths and speeds may be as wrong; {corners} and its size by --arena-cm")
     if not geometry.knows_floor and geometry.tilt_deg >= TILTED_DEG:
-        found.append(
-            f"the camera seems to be tilted by {geometry.tilt_deg:.0f} degrees: positions depend on it; "
-            "give the floor's corners by --corners"
-        )
+        said = f"the camera seems to be tilted by {geometry.tilt_deg:.0f} degrees: positions depend on it"
+        found.append(f"{said}; {corners}")
     before_s = math.inf if evidence.sync is None else evidence.sync.time_s - evidence.period_s / 2
     early = FlashTable(*(column[flashes.onset_s < before_s] for column in flashes))
     if not geometry.knows_floor and (images := count_images(early)):
-        found.append(
-            f"flashes that may be mirror images in the walls: {images}; they come with their robots' own flashes "
-            "and do not change T_sync, but are counted as robots; give the floor's corners by --corners"
-        )
+        said = f"flashes that may be mirror images in the walls: {images}; they come with their robots' own flashes"
+        found.append(f"{said} and do not change T_sync, but are counted as robots; {corners}")
     return found + _about_light(evidence)[1] + _doubts_about_numbers(evidence)
 
 
@@ -303,10 +285,8 @@ def _doubts_about_frames(evidence: Evidence) -> Iterator[str]:
     usual_s = float(np.median(intervals_s))
     gaps_s = intervals_s[intervals_s > GAP * usual_s]
     if len(gaps_s):
-        yield (
-            f"gaps longer than {GAP:g} times the usual {1000 * usual_s:.3g} ms between frames: {len(gaps_s)}, "
-            f"the longest {gaps_s.max():.3g} s; frames were dropped"
-        )
+        said = f"gaps longer than {GAP:g} times the usual {1000 * usual_s:.3g} ms between frames: {len(gaps_s)}"
+        yield f"{said}, the longest {gaps_s.max():.3g} s; frames were dropped"
     error = COARSE * (math.pi * usual_s / evidence.period_s) ** 2 / 6
     ends = (evidence.order_parameter - error, min(evidence.order_parameter + error, 1.0))
     periods, flashes = evidence.periods, evidence.flashes
@@ -318,10 +298,8 @@ def _doubts_about_frames(evidence: Evidence) -> Iterator[str]:
         yield "flashes are in step from the film's beginning, which may be after T_sync; film robots from their start"
     is_short = np.mean(flashes.end_s - flashes.onset_s) < SHORTEST_FRAMES * usual_s
     if is_short or first_s < last_s - evidence.period_s / 2:
-        yield (
-            f"frames come every {1000 * usual_s:.3g} ms, too seldom to see when flashes begin, on which T_sync "
-            "depends here; film more frames per second"
-        )
+        said = f"frames come every {1000 * usual_s:.3g} ms, too seldom to see when flashes begin"
+        yield f"{said}, on which T_sync depends here; film more frames per second"
 
 
 def _doubts_about_numbers(evidence: Evidence) -> list[str]:
@@ -340,32 +318,23 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     before = synchrony.Periods(evidence.flashes.onset_s, period_s, span_s, 0.0).numbers
     usual = float(np.median(before)) if len(before) > ENOUGH_BEFORE * swarm else swarm
     if usual < swarm and not found:
-        found.append(
-            f"before T_sync {usual:g} flashes are usually seen in a period, but {swarm} robots "
-            "flash once or more: some are missed, and T_sync is too low; "
-            f"fix the exposure{evidence.unless_corners(', or give --corners')}"
-        )
+        said = f"before T_sync {usual:g} flashes are usually seen in a period, but {swarm} robots flash once or more"
+        hint = evidence.unless_corners(", or give --corners")
+        found.append(f"{said}: some are missed, and T_sync is too low; fix the exposure{hint}")
     periods = (end_s - begin_s) / period_s
     if not evidence.period_is_given and periods < ENOUGH_PERIODS:
-        found.append(
-            f"the period of {period_s:.4g} s is estimated from only {periods:.1f} periods of film; "
-            "better give --period-s"
-        )
+        said = f"the period of {period_s:.4g} s is estimated from only {periods:.1f} periods of film"
+        found.append(f"{said}; better give --period-s")
     if not evidence.period_is_given and not USUAL_PERIODS_S[0] <= period_s <= USUAL_PERIODS_S[1]:
-        found.append(
-            f"the period is estimated, and robots hardly flash every {period_s:.3g} s; check --fps, or give --period-s"
-        )
+        said = f"the period is estimated, and robots hardly flash every {period_s:.3g} s"
+        found.append(f"{said}; check --fps, or give --period-s")
     shown_s = _shown_period_s(evidence) if evidence.period_is_given else period_s
     if abs(shown_s / period_s - 1) > OTHER_PERIOD:
-        found.append(
-            f"robots flash every {shown_s:.3g} s, not every {period_s:.4g} s: check --period-s and --fps, or "
-            "give --robots"
-        )
+        said = f"robots flash every {shown_s:.3g} s, not every {period_s:.4g} s"
+        found.append(f"{said}: check --period-s and --fps, or give --robots")
     if may_be_half_a_period(evidence):
-        found.append(
-            f"the period is estimated; {2 * period_s:.4g} s fits as well, if two groups flash in turn, and robots move "
-            "too far between flashes to tell; give --period-s or --robots"
-        )
+        said = f"the period is estimated; {2 * period_s:.4g} s fits as well, if two groups flash in turn"
+        found.append(f"{said}, and {TOO_FAR}")
     return found
 
 

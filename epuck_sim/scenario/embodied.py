@@ -377,7 +377,7 @@ class EmbodiedScenario(Scenario):
             keys = [", ".join(f"arena.{name}" for name in sorted(each)) for each in (values, first)]
             where = f"{origin}.{number}.set: sets {keys[0]}, but"
             if keys[0] != keys[1]:
-                other = f"{origin}.{entries[0]}.set sets {keys[1]}"
+                other = f"schedule.{entries[0]}.set sets {keys[1]}"
                 raise ScenarioError(f"{where} {other}; set the same keys of the arena in all entries that change it")
             if self.arena.floor.picture is not None and values.keys() - {"obstacles"}:
                 advice = "give patches instead, or set arena.obstacles alone"

@@ -272,8 +272,9 @@ class RobotKind(ConfigModel):
     @classmethod
     def _start_from_kind(cls, given: Any) -> Any:
         section = as_section(given)
-        if not isinstance(section, Mapping | ConfigModel):
-            raise ValueError("a robot's name, such as kilobot, or a mapping of keys to values")  # noqa: TRY004
+        is_section = isinstance(section, Mapping | ConfigModel)
+        if not is_section:
+            raise ValueError("a robot's name, such as kilobot, or a mapping of keys to values")
         return {**find_robot(section["kind"]).keys, **section} if _needs_file(section) else section
 
     def _check_together(self) -> None:

@@ -303,8 +303,8 @@ class Scenario(ConfigModel):
         for key, (condition, _) in self.conditions.items():
             name, methods = condition.measure, (CYCLE_METHOD, self.event_method)
             if name not in found and name != ORDER_PARAMETER:  # which every trial measures
-                known = f"measures: {comma_list(found)}; add another to the section `measures`"
-                raise ScenarioError(f"{origin}: {key}: {did_you_mean(name, found)}; {known}")
+                listed = f"measures: {comma_list(found)}; add another to the section `measures`"
+                raise ScenarioError(f"{origin}: {key}: {did_you_mean(name, found)}; {listed}")
             if name in found and not any(map(found[name].told_by, methods)):
                 allowed = f"measures with methods {' or '.join(methods)}"
                 raise ScenarioError(f"{origin}: {key}: {name} is measured only at the end; allowed: {allowed}")

@@ -134,7 +134,7 @@ def test_ring_is_found_however_late_it_is_lit_and_films_without_light_or_of_one_
         assert calibrated(reel).calibration == calibration.RINGS
         assert len(list(reel)) >= left
     for frames in ([], plain(120, calibration.LIT_FRAMES + 5), plain(120, calibration.LIT_FRAMES + 5) + plain(3, 5)):
-        with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .* 5 px .* 48 px in .*--corners"):
+        with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .* dark.* 5 px .* 48 px in .*--corners"):
             calibrated(frames)
     assert len(list(calibration.excerpt(plain(0, 1), TrackOptions(end_s=0.02)))) == 1
 
