@@ -263,7 +263,7 @@ def problems_in(
 
 
 def _also(given: Any, key: str, around: Sequence[type[ConfigModel]]) -> str:
-    """Return what else is allowed, or was probably meant, where a list or a mapping of keys is expected; or nothing."""
+    """Return the end of a phrase for a list or a mapping of keys: null is allowed, too, or something else was meant."""
     field = around[0].model_fields.get(key.rpartition(".")[2]) if around else None
     classes = section_classes(field.annotation) if field else []
     if field and type(None) in get_args(field.annotation):
