@@ -56,10 +56,10 @@ def read_table(folder: Path, *, is_text: bool = False) -> Any:
             f"SELECT {wanted}, measured, events FROM trials JOIN points ON point = key "
             "WHERE error IS NULL ORDER BY number, trial"
         )
-        blocks = [_AS_STORED.empty_table()]
+        blocks = []
         while found := rows.fetchmany(BLOCK):
             blocks.append(pa.table(dict(zip(_AS_STORED.names, zip(*found, strict=True), strict=True)), _AS_STORED))
-    read = pa.concat_tables(blocks)
+    read = pa.concat_tables(blocks or [_AS_STORED.empty_table()])  # beside others, CSV would have its head twice
     numbers = read["point"].to_pylist()
     axes = {key: _axis([as_column(points[number][key]) for number in numbers]) for key in points[0]}
     arrays = {**axes, **{name: read[name].cast(kind) for name, kind in COLUMNS.items()}}
