@@ -11,6 +11,8 @@ from inspect import getsource
 from pathlib import Path
 from typing import Any
 
+from pydantic.json_schema import GenerateJsonSchema
+
 from epuck_sim.cli.tables import terminal_width
 from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.errors import EpuckSimError, ScenarioError
@@ -143,7 +145,7 @@ def _keys(section: type[ConfigModel], part: str, refused: Sequence[str], above: 
     if tag and not kinds:
         return
     docs = {tag: f"`{kinds[0] if kinds else ''}`: {(section.__doc__ or '').splitlines()[0]}", **docstrings(section)}
-    for name, value in section.model_json_schema()["properties"].items():
+    for name, value in section.model_json_schema(schema_generator=_Plain)["properties"].items():
         classes = section_classes(section.model_fields[name].annotation)
         key, inner = f"{above}{name}", [each for each in classes if each is not MeasureSection]
         for each in inner:
@@ -156,6 +158,13 @@ def _keys(section: type[ConfigModel], part: str, refused: Sequence[str], above: 
             for kind, said in re.findall(r"`(\w+)`[^:]*: (.+?)\.?(?=; `|$)", docs[tag]):
                 if kind in kinds:
                     yield f"{key}: {kind}", f"{said} (the default)" if kind == value.get("default") else said
+
+
+class _Plain(GenerateJsonSchema):
+    def encode_default(self, dft: Any) -> Any:
+        """Encode a default, but for sections, which pydantic up to 2.13 cannot: their keys have their own defaults."""
+        has_sections = any(isinstance(each, ConfigModel) for each in (dft if isinstance(dft, tuple) else [dft]))
+        return None if has_sections else super().encode_default(dft)
 
 
 @cache
