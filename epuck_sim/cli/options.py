@@ -1,6 +1,7 @@
 """Options that several commands share, completion in shells, and long helps that are folded."""
 
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
@@ -68,7 +69,7 @@ class Commands(TyperGroup):
             except Exception as error:
                 if isinstance(error, typer.BadParameter):
                     error.message = error.message.removeprefix("Value error, ")  # pydantic's, of a name that is none
-                if any(f"({dash}" in str(error) for dash in "\u2013\u2014"):  # what text processors make of two hyphens
+                if re.search("[( ][\u2013\u2014]\\w", str(error)):  # what text processors make of two hyphens
                     error.message = f"{error}; an option begins with two hyphens: --"  # type: ignore[attr-defined]
                 used = f"{ctx.invoked_subcommand} {getattr(error, 'option_name', '')}"
                 if (gone := GONE.get(used)) is None:

@@ -11,12 +11,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from epuck_sim.control.loader import set_by_program
 from epuck_sim.control.names import first_use
 from epuck_sim.errors import ControllerError, EpuckSimError
 from epuck_sim.user_files import AS_LOADED, fingerprint
 from epuck_sim.util.jit import bind, digest, digest_of_room, kernel_digest, name_after
-from epuck_sim.util.messages import short_repr
 from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, WITHOUT_WRAPPERS, compile_cached
 
 _compiled: dict[Hashable, Any] = {}
@@ -36,11 +34,12 @@ def compile_for(
     kernels, and `contents` a text that identifies what these are made from. A function that takes other arguments has
     their types in `takes`. If the file cannot be compiled, an error of this class is raised.
     """
+    instead = "; --interpret runs it as plain Python" if error is ControllerError else ""
     for path, own in user.modules.items():
-        for name, value in set_by_program(own, own):
-            if name in vars(own)[AS_LOADED] and not _can_be_frozen(value):
-                said = f"{name} is {short_repr(value)}, set by the program; compiled code has what the file says"
-                raise error(f"{path}: {said}; give interpret=True")
+        loaded = vars(own)[AS_LOADED]
+        for name, value in vars(own).items():
+            if isinstance(value, FunctionType) and fingerprint(value) != loaded.get(name, value.__code__):
+                raise error(f"{path}: {name} was replaced by the program; compiled code has that of the file{instead}")
     types = tuple(value for value in names.values() if isinstance(value, np.dtype))
     made_from = _static_digest(user, types, contents).encode(), digest_of_room(function).encode()
     contents_digest = digest([*made_from, *frozen_values(user.modules.values())])
@@ -56,7 +55,6 @@ def compile_for(
                 to_call.compile(takes or (BLOCK, ADDRESSES, INTP))
                 _compiled[key] = to_call
         except Exception as refusal:  # numba's own errors, and what escapes it
-            instead = "; --interpret runs it as plain Python" if error is ControllerError else ""
             raise error(explain_refusal(refusal, user.sources, instead)) from refusal
     return _compiled[key]
 

@@ -171,11 +171,11 @@ def _run(path: Path, command: Sequence[str | Path]) -> str:
         if missing := re.search(r"""(?:undefined reference to .|"_)(start|step)['"]""", run.stderr):
             raise ControllerError(f"{path}: has no function void {missing[1]}(void), which the simulator calls")
         said = "\n".join(f"  {line}" for line in (run.stderr or run.stdout).splitlines())
-        _, included, rest = source.partition("<epuck.h>")
+        _, *rest = re.split(r"""#\s*include\s*[<"]epuck\.h[>"]""", source, maxsplit=1)
         lacking = re.search(r"(?:implicit declaration of|undeclared) function .(e_\w+)", said)
-        if re.search(r"#\s*define\s+(PARAMETERS|MEMORY)\b", rest):
+        if rest and re.search(r"#\s*define\s+(PARAMETERS|MEMORY)\b", rest[0]):
             said += "\n  PARAMETERS and MEMORY come before #include <epuck.h>"
-        elif lacking and not included:
+        elif lacking and not rest and '#include "' not in source:  # which may include it
             said += "\n  the file has no #include <epuck.h>"
         elif lacking:
             said += f"\n  epuck.h has no {lacking[1]}: docs/firmware.md says what is simulated"

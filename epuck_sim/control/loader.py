@@ -2,12 +2,10 @@
 
 import keyword
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from inspect import isasyncgenfunction, iscoroutinefunction, isgeneratorfunction, signature
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
@@ -79,9 +77,10 @@ def _check_parts(file: PythonFile, noun: str, *parts: str) -> None:
             raise file.refusal(part, f"{part} has yield or async, with which nothing in it would run; write it without")
         try:
             arguments = signature(found, follow_wrapped=False)
-            arguments.bind(*takes)
         except ValueError:  # of what is compiled already
             continue
+        try:
+            arguments.bind(*takes)
         except TypeError:
             said = f"{part} takes {len(arguments.parameters)} arguments; allowed: {', '.join(takes)}"
             raise file.refusal(part, said) from None
@@ -127,22 +126,16 @@ def _load_sensor(place: Place) -> Sensor:
     return sensor
 
 
-def set_by_program(own: ModuleType, module: ModuleType) -> Iterator[tuple[str, object]]:
-    """Yield names and values in a module that its file did not give to `own`, a copy of it, when that was loaded."""
-    loaded = vars(own)[AS_LOADED]
-    for name, value in vars(module).items():
-        if not name.startswith("__") and name.isidentifier() and fingerprint(value) != loaded.get(name):
-            yield name, value
-
-
 def check_imported_copies(controller: RobotCode) -> None:
     """Reject values that the program set in its own import of a controller's file, which controllers do not see."""
     for path, own in controller.modules.items():
         imported = sys.modules.get(path.stem)
         if imported is None or Path(getattr(imported, "__file__", None) or "").resolve() != path:
             continue
-        for name, value in set_by_program(own, imported):
-            said = f"{name} is {short_repr(value)} in the module {path.stem!r} of this program"
-            why = "which is not what the file says; controllers run their own copy, which this does not change"
-            instead = "make it a parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
-            raise ControllerError(f"{path}: {said}, {why}: {instead}")
+        loaded = vars(own)[AS_LOADED]
+        for name, value in vars(imported).items():
+            if not name.startswith("__") and name.isidentifier() and fingerprint(value) != loaded.get(name):
+                said = f"{name} is {short_repr(value)} in the module {path.stem!r} of this program"
+                why = "which is not what the file says; controllers run their own copy, which this does not change"
+                instead = "make it a parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
+                raise ControllerError(f"{path}: {said}, {why}: {instead}")

@@ -123,7 +123,8 @@ def cell_text(cell: Any) -> str:
     if cell is None or isinstance(cell, bool):
         return {None: "-", True: "yes", False: "no"}[cell]
     if isinstance(cell, Share):
-        return "-" if math.isnan(cell) else f"{100 * cell:.{3 if cell > 0.99 else 2}g} %"
+        digits = ".0f" if cell >= 1 else ".3g" if cell > 0.99 else ".2g"
+        return "-" if math.isnan(cell) else f"{100 * cell:{digits}} %"
     if isinstance(cell, AtMost):
         return f"<= {significant(cell)}"
     if isinstance(cell, list | tuple) and not isinstance(cell, Estimate):

@@ -22,7 +22,15 @@ from epuck_sim.embodied.observers import observe_together, with_room
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import READING, Step
 from epuck_sim.embodied.swarm import PIXELS
-from epuck_sim.environments.rewards import NO_PHASES, Situation, SituationFunction, find_reward, order_of, synchrony
+from epuck_sim.environments.rewards import (
+    NO_PHASES,
+    REWARD,
+    Situation,
+    SituationFunction,
+    find_reward,
+    order_of,
+    synchrony,
+)
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
 from epuck_sim.scenario.scenario import ScenarioLike
@@ -176,7 +184,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         episode_s: float = 60.0,
         control_steps: int = 1,
     ) -> None:
-        self._reward, self._reward_as_given = find_reward(reward), reward
+        self._reward = find_reward(reward)
+        self._reward_as_given = reward if callable(reward) else REWARD.locate(str(reward)).name
         self._terminate = terminate
         if terminate is not None and not callable(terminate):
             raise ValueError(f"terminate is {terminate!r}; allowed: a function, or None")

@@ -282,7 +282,7 @@ def without_steady(counted: CountedRings, period_s: float | None) -> tuple[tuple
     """
     onset_s, end_s, places, _, light = FlashTable.of(counted.flashes)
     longest_s = period_s / 2 if period_s else max(LONG_FLASHES * np.median(end_s - onset_s), SHORTEST_STEADY_S)
-    x_cm, y_cm = places.T  # a tree of places would take longer to load from SciPy than this takes for hours of film
+    x_cm, y_cm = places.T  # SciPy's tree takes longer to load than this takes for 6,000 flashes
     parts = np.array_split(places, 1 + len(places) // 100)
     apart_2 = ((part[:, :1] - x_cm) ** 2 + (part[:, 1:] - y_cm) ** 2 for part in parts)
     here = np.concatenate([np.count_nonzero(each <= SAME_PLACE_CM**2, axis=1) for each in apart_2])

@@ -207,7 +207,8 @@ def _is_damaged(path: Path, _mtime_ns: int) -> bool:
 
 def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     if not path.is_file():
-        raise RecordingError(f"{path}: {'is not a file' if path.exists() else 'there is no such file'}")
+        what = "file" if path.suffix else "recording or run folder"
+        raise RecordingError(f"{path}: {'is not a file' if path.exists() else f'there is no such {what}'}")
     if path.suffix != ENDING:  # which the viewer requires, too
         raise RecordingError(f"{path}: is not a recording: the name must end in {ENDING}")
     if path.stat().st_size and _is_damaged(path.resolve(), path.stat().st_mtime_ns):

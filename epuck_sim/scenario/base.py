@@ -216,8 +216,7 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str], kinds: Sequence[
     if kinds:
         return f"unknown {name!r} here; {', '.join(dict.fromkeys(kinds))}"
     endings = dict.fromkeys(key.rpartition(".")[2] for key in reversed(keys))
-    longer = min((each for each in endings if each.startswith(f"{name}_")), key=len, default=None)
-    near = longer or nearest_name(name, [*known, *endings])
+    near = nearest_name(name, [*known, *endings])
     if near is not None and near not in known:
         return f"unknown {name!r}, did you mean {near} ({' or '.join(key for key in keys if ends_in(key, near))})?"
     return f"unknown {name!r}" + (f", did you mean {near!r}?" if near else "")
@@ -243,7 +242,7 @@ def problems_in(
             names = [name for each in classes for name in tagged(each)[1]]
             near, allowed = nearest_name(context.get("tag", ""), names), f"a mapping with {tag}: {' or '.join(names)}"
         elif allowed in ("a list", "a mapping of keys to values"):
-            allowed += _also(given, key, around)
+            allowed += _also(given, f"{key}.0" if allowed == "a list" else key, around)
         said = f"is {short_yaml(given)}{f', did you mean {near!r}?' if near else ''}; allowed: {allowed}"
         if wrong == "missing":
             said = "is missing"
@@ -262,16 +261,16 @@ def problems_in(
         yield key or said.split()[0], f"{key}: {said}" if key else said
 
 
-def _also(given: Any, key: str, around: Sequence[type[ConfigModel]]) -> str:
+def _also(given: Any, section: str, around: Sequence[type[ConfigModel]]) -> str:
     """Return the end of a phrase for a list or a mapping of keys: null is allowed, too, or something else was meant."""
-    field = around[0].model_fields.get(key.rpartition(".")[2]) if around else None
+    field = around[0].model_fields.get(section.removesuffix(".0").rpartition(".")[2]) if around else None
     classes = section_classes(field.annotation) if field else []
     if field and type(None) in get_args(field.annotation):
         return " or null"
     if classes and isinstance(given, Mapping):
         return f", such as [{short_yaml(given)}]"
-    is_number = len(classes) == 1 and "count" in classes[0].model_fields and isinstance(given, int)
-    return f"; for their number, give {key}.0.count" if is_number else ""
+    is_number = len(classes) == 1 and "count" in classes[0].model_fields and type(given) is int
+    return f"; for their number, give {section}.count" if is_number else ""
 
 
 def _owner(path: Sequence[str], kinds: Sequence[type[ConfigModel]]) -> str | None:

@@ -270,6 +270,8 @@ class EmbodiedScenario(Scenario):
             if least > most:
                 shown = f"signal {group.signal.kind} shows {most} at most: these robots see no flash"
                 found.append(f"robots.{number}.parameters.flash_pixels is {least:g}, but {shown}")
+            if (most_turned := max((abs(heading) for *_, heading in group.poses or ()), default=0)) > math.tau:
+                found.append(f"robots.{number}.poses: a heading is {most_turned:g} rad: 90 degrees are 1.5708")
         masses_g = [kind.mass_g for kind in self.robot_kinds if self.contact.robots] or [1.0]
         if (ratio := max(masses_g) / min(masses_g)) > MOST_MASS_RATIO:
             said = f"masses of robots differ by a factor of {ratio:.3g}: heavier ones press others into walls"

@@ -50,9 +50,9 @@ class TrialPlan(NamedTuple):
         if any(point.trials is not None for point in self.points):
             said = f"Trials: as many as each of two sweeps needs at a point to show {wanted}, with p < 0.05."
         elif known := [point for point in self.points if point.stored >= MIN_TRIALS]:
-            why = "no share can differ by so much" if self.is_of_shares else "all have one value"
-            if all(point.statistic == "restricted mean" for point in known):
-                why = "too many are censored at their limit"
+            why = "no share can differ by so much" if self.is_of_shares else "all have one value, or a mean of 0"
+            if censored := [point for point in known if point.statistic == "restricted mean"]:
+                why = f"too many are censored at their limit{', or all have one value' * (len(censored) < len(known))}"
             said = f"No number of trials shows {wanted}: {why}."
         else:
             of = "" if self.of in T_SYNC else f" with a value of {self.of}"

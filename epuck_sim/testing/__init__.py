@@ -145,6 +145,7 @@ class TestRobot:
         """
         found = find_controller(str(controller))
         record = found.parameter_record(found.resolve({**(parameters or {}), **more_parameters}))
+        sensors = sensors if isinstance(sensors, str | Path) else list(sensors)
         if isinstance(sensors, str | Path) or not all(isinstance(each, str | Path) for each in sensors):
             raise ValueError(f"sensors is {short_repr(sensors)}; allowed: a list of files, without parameters")
         own = [find_sensor(str(sensor)) for sensor in sensors]

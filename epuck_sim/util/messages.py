@@ -24,8 +24,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that is most similar to a name, or begins with its words; None if there is none."""
-    names = list(known)
+    """Return the shortest known name that begins with the words of a name, else the most similar one, if any."""
+    names = sorted(known, key=lambda each: (len(each), each))
     begun = [each for each in names if each.startswith(f"{name}_")]
     return next(iter(begun or difflib.get_close_matches(name, names, n=1, cutoff=0.55)), None)
 

@@ -288,4 +288,4 @@ def test_slow_twins_see_the_same(files, has_picture):
     assert {0.25, 0.5} <= levels
     assert len(levels) > 3
     away = [{"count": 1, "sensors": ["looks.py"]}, {"count": 2, "present": False}]
-    assert Simulation({"robots": away}, interpret=True).advance(1).readings["anywhere"][0] == -1
+    assert Simulation({"robots": away}).advance(1).readings["anywhere"][0] == -1
