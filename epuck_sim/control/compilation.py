@@ -125,7 +125,7 @@ INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised fr
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
 NOT_KNOWN = re.compile(r"Unknown attribute '(\w+)' .*<module '([\w.]+)'|Untyped .*'(\w+)': .*'function'>$")
-"""What numba says of functions that it cannot compile: name and module, or name."""
+"""Messages of numba about functions that it cannot compile: name and module, or name."""
 
 
 def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: str) -> str:

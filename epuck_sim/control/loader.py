@@ -87,7 +87,7 @@ def _check_parts(file: PythonFile, noun: str, *parts: str) -> None:
 
 
 def describe_code(place: Place, file: PythonFile) -> RobotCode:
-    """Return what controllers, sensors and response curves have in common, from the file of one."""
+    """Return the part of a controller, a sensor or a response curve that all of them have, from its file."""
     given = file.parameters(), file.check(), file.sources, file.modules
     return RobotCode(place.short_name, place.name, file.path, *given)
 
