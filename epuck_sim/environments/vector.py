@@ -22,15 +22,7 @@ from epuck_sim.embodied.observers import observe_together, with_room
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import READING, Step
 from epuck_sim.embodied.swarm import PIXELS
-from epuck_sim.environments.rewards import (
-    NO_PHASES,
-    REWARD,
-    Situation,
-    SituationFunction,
-    find_reward,
-    order_of,
-    synchrony,
-)
+from epuck_sim.environments.rewards import NO_PHASES, REWARD, Situation, SituationFunction, find_reward, order_of
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
 from epuck_sim.scenario.scenario import ScenarioLike
@@ -211,7 +203,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self.observation_fields = self.spaces.fields
         """Columns of each part of an observation, as slices by name."""
         self._oscillators_exist = not np.isnan(first.period_ms).all()
-        if self._reward is synchrony and not self._oscillators_exist:
+        if self._reward_as_given == "synchrony" and not self._oscillators_exist:
             raise ScenarioError(f"{first.scenario.name}: {NO_PHASES}")
         self.control_steps = whole("control_steps", control_steps)
         self._shares = [range(share, self.swarms, threads) for share in range(min(threads, self.swarms))]
