@@ -203,7 +203,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self.observation_fields = self.spaces.fields
         """Columns of each part of an observation, as slices by name."""
         self._oscillators_exist = not np.isnan(first.period_ms).all()
-        if self._reward_as_given == "synchrony" and not self._oscillators_exist:
+        if self._reward is find_reward("synchrony") and not self._oscillators_exist:
             raise ScenarioError(f"{first.scenario.name}: {NO_PHASES}")
         self.control_steps = whole("control_steps", control_steps)
         self._shares = [range(share, self.swarms, threads) for share in range(min(threads, self.swarms))]

@@ -239,6 +239,7 @@ def test_pictures_show_the_arena_from_above():
         (SWARM, {"terminate": 3}, ValueError, "terminate is 3; allowed: a function"),
         (SWARM, {"seed": -1}, ValueError, "seed is -1; allowed: whole numbers from 0"),
         ({"robots": [{"controller": "external"}]}, {"reward": "synchrony"}, ScenarioError, "no robot is one"),
+        ({"robots": [{"controller": "external"}]}, {"reward": synchrony}, ScenarioError, "no robot is one"),
     ],
 )
 def test_environments_that_make_no_sense_are_refused(scenario, given, kind, message):
