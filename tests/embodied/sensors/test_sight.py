@@ -247,7 +247,7 @@ def test_rows_are_those_of_the_slow_twin_with_and_without_what_walls_mirror():
     compare()
     assert tally["pixels"] > 4000
     assert min(tally["red"], tally["mirrored"]) > 0.005 * tally["pixels"]
-    assert tally["doubtful"] < 0.05 * tally["pixels"]
+    assert tally["doubtful"] < 0.02 * tally["pixels"]
 
 
 @jit_no_alloc
