@@ -12,7 +12,7 @@ from epuck_sim.arena import Arena, Floor, clearance_cm, make_arena, make_floor
 from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.errors import extras_named
 from epuck_sim.geometry import box_corners, is_convex
-from epuck_sim.scenario.base import ConfigModel, Length, Number, Point, Positive, WholeNumber, check_range, refused_at
+from epuck_sim.scenario.base import ConfigModel, Corner, Length, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.util.messages import short_yaml
 
 LONGEST_SIDE = 4000  # most rows, and most columns, of a picture of the floor
@@ -52,7 +52,7 @@ class Polygon(ConfigModel):
     """A convex obstacle with its corners counter-clockwise."""
 
     shape: Literal["polygon"]
-    corners_cm: Annotated[tuple[Point, ...], Field(min_length=3, max_length=100)]
+    corners_cm: Annotated[tuple[Corner, ...], Field(min_length=3, max_length=100)]
     """`x_cm, y_cm` of each corner."""
 
     def _check_together(self) -> None:

@@ -41,7 +41,7 @@ def _row_of(*names: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
-Point = Annotated[tuple[Number, Number], _row_of("x_cm", "y_cm")]
+Corner = Annotated[tuple[Number, Number], _row_of("x_cm", "y_cm")]
 Pose = Annotated[tuple[Number, Number, Number], _row_of("x_cm", "y_cm", "heading_rad")]
 Mount = Annotated[tuple[Number, Number, Number], _row_of("x_cm", "y_cm", "direction_deg")]
 
@@ -242,7 +242,7 @@ def problems_in(
             names = [name for each in classes for name in tagged(each)[1]]
             near, allowed = nearest_name(context.get("tag", ""), names), f"a mapping with {tag}: {' or '.join(names)}"
         elif allowed in ("a list", "a mapping of keys to values"):
-            allowed += _also(given, f"{key}.0" if allowed == "a list" else key, around)
+            allowed += _also(given, key, allowed, around)
         said = f"is {short_yaml(given)}{f', did you mean {near!r}?' if near else ''}; allowed: {allowed}"
         if wrong == "missing":
             said = "is missing"
@@ -261,15 +261,16 @@ def problems_in(
         yield key or said.split()[0], f"{key}: {said}" if key else said
 
 
-def _also(given: Any, section: str, around: Sequence[type[ConfigModel]]) -> str:
+def _also(given: Any, key: str, allowed: str, around: Sequence[type[ConfigModel]]) -> str:
     """Return the end of a phrase for a list or a mapping of keys: null is allowed, too, or something else was meant."""
-    field = around[0].model_fields.get(section.removesuffix(".0").rpartition(".")[2]) if around else None
+    field = around[0].model_fields.get(key.rpartition(".")[2]) if around else None
     classes = section_classes(field.annotation) if field else []
     if field and type(None) in get_args(field.annotation):
         return " or null"
     if classes and isinstance(given, Mapping):
         return f", such as [{short_yaml(given)}]"
     is_number = len(classes) == 1 and "count" in classes[0].model_fields and type(given) is int
+    section = f"{key}.0" if allowed == "a list" else key
     return f"; for their number, give {section}.count" if is_number else ""
 
 

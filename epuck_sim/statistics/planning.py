@@ -79,12 +79,12 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     planned, scatter = [], []
     for point, each in zip(points, measured, strict=True):
         count = len(each.values)
-        found = estimate(each, Statistic.MEAN)
-        scale, shown = _if_longer(each, difference)
+        found, spread = estimate(each, Statistic.MEAN), _spread(each)
+        scale, shown = _if_longer(each, spread, difference)
         if is_of_shares and count >= MIN_TRIALS:
             scale = found.value
         trials = None if math.isnan(scale) else needed([scale], shown, power)
-        planned.append(PointPlan(point.number, point.axes, count, found.name, found.value, _spread(each), trials))
+        planned.append(PointPlan(point.number, point.axes, count, found.name, found.value, spread, trials))
         if trials is not None:
             scatter.append((scale, shown, found.value))
     # relative differences of means of both signs have no common direction
@@ -104,13 +104,13 @@ def _spread(measured: Measured) -> float:
     return error * math.sqrt(count) / abs(mean) if has_spread else math.nan
 
 
-def _if_longer(measured: Measured, difference: float) -> tuple[float, float]:
+def _if_longer(measured: Measured, own_spread: float, difference: float) -> tuple[float, float]:
     """Return the spread of trials and of others that take longer, and the difference of their means, both relative.
 
     Where trials are censored, the others, too, are cut at the limit: their mean is longer by less than their times.
     """
     others = cut(measured, measured.horizon / (1 + difference))  # as many as the limit lets synchronise
-    spread = math.hypot(_spread(measured), _spread(others)) / math.sqrt(2)
+    spread = math.hypot(own_spread, _spread(others)) / math.sqrt(2)
     if math.isnan(spread):
         return math.nan, difference
     return spread, (1 + difference) * mean_and_error(others).mean / mean_and_error(measured).mean - 1

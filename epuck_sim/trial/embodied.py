@@ -67,14 +67,16 @@ class SynchronyWatch:
         self._steps = step.number + 1
         if not self.measures:
             self.cycles = int(self._steps / self._steps_a_cycle)
-        elif is_firing or self._steps >= self._max_steps:  # a reference whose phase is not a number fires no more
-            counted = step.phase_ms[self._oscillators]
-            if self._members_change:
-                counted = counted[step.present[self._oscillators]]
-            if not math.isfinite(np.add.reduce(counted)):  # then not all of them are
-                phases = step.phase_ms.tolist()
-                raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases}")
-        if self.measures and is_firing:
+            return
+        if not is_firing and self._steps < self._max_steps:  # a reference whose phase is not a number fires no more
+            return
+        counted = step.phase_ms[self._oscillators]
+        if self._members_change:
+            counted = counted[step.present[self._oscillators]]
+        if not math.isfinite(np.add.reduce(counted)):  # then not all of them are
+            phases = step.phase_ms.tolist()
+            raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases}")
+        if is_firing:
             self.cycles += 1
             self.order_parameter = r = float(self.measure(step.phase_ms))
             if self._synchrony is None and r >= self._threshold and len(counted) > 1:

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from typing import Any
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.particles.simulation import ParticleSimulation
@@ -62,7 +61,13 @@ def run_agents(
                 pulses = max(1, pulses // 2)
             elif took < SLICE_S / 2 and simulation.cycles < last_cycle:
                 pulses *= 2  # a slice that ended at a firing does not show how long a whole one takes
-        _tell(observers, event, measuring if simulation.cycles > cycles else None, simulation)
+        now_s, is_cycle = simulation.time_s, simulation.cycles > cycles
+        for observer in observers:
+            observer(event, simulation)
+        if is_cycle:
+            _tell(measuring, simulation)
+        if simulation.time_s != now_s:
+            raise EpuckSimError(BY_OBSERVER)
         if progress is not None:
             progress(simulation)
     is_early = has_ended()
@@ -85,20 +90,13 @@ def run_agents(
     )
 
 
-def _tell(
-    observers: Sequence[Observer], event: Any, measuring: Measuring | None, simulation: ParticleSimulation
-) -> None:
-    """Tell observers of an event, and measures of the cycles that were taken; refuse those that take steps."""
-    now_s = simulation.time_s
-    for observer in observers:
-        observer(event, simulation)
-    if measuring is not None and measuring.at_batches:
+def _tell(measuring: Measuring, simulation: ParticleSimulation) -> None:
+    """Tell measures of the cycles that were taken."""
+    if measuring.at_batches:
         batch = simulation.take_batch()
         for tell in measuring.at_batches:
             tell(batch, simulation)
-    if measuring is not None and measuring.at_cycles:
+    if measuring.at_cycles:
         event = simulation.last_instant()
         for observer in measuring.at_cycles:
             observer(event, simulation)
-    if simulation.time_s != now_s:
-        raise EpuckSimError(BY_OBSERVER)
