@@ -287,7 +287,8 @@ class ControlLoop:
         self.kept: IntArray = np.zeros(0, np.int64)  # what cameras keep, see `KEEP`
         world.use(block, swarm, self.addresses)
         self.is_compiled = not (interpret or world.is_public)
-        self.take_steps: Any = take_steps if self.is_compiled else _in_python(swarm, world, every)
+        kernel: Any = take_steps  # called without a detour, for observers of every step
+        self.take_steps: Any = kernel.for_python if self.is_compiled else _in_python(swarm, world, every)
         self.take_steps(block, self.addresses, 0, False)  # compiles now, so that no trial's time includes it
 
 

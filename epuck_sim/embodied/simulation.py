@@ -6,7 +6,7 @@ bodies move. Other robots see the effects of a command in the next step.
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from threading import Lock
@@ -275,6 +275,18 @@ class Simulation:
             step = self.last_step
             if step.number + 1 >= end or (until_firing and self.is_firing):
                 return step
+
+    def one_by_one(self, steps: int) -> Iterator[Step]:
+        """Take up to `steps` steps in one arena, at most to the reference's next firing, and show each.
+
+        Raises what `advance` does.
+        """
+        taken = self.steps
+        for number in range(taken, taken + self._unchanged(taken + steps)):
+            self._run(1)
+            yield self._shown(number, number * self._step_ms / 1000)
+            if self.is_firing:
+                return
 
     def stretch(self, steps: int) -> Stretch:
         """Take up to `steps` steps in one arena, at most to the reference's next firing; return data for measures.

@@ -154,17 +154,22 @@ def run_robots(
     while not (watch.is_over or measuring.is_over()):
         if measuring.entries:
             measuring.carry_out(watch, simulation.carry_out_scheduled)
-        unseen = 1 if observers else min(watch.steps_left, MOST_STEPS)
-        cycles = watch.cycles
-        stretch = simulation.stretch(unseen) if measuring.at_stretches else None
-        step = simulation.advance(unseen, until_firing=True) if stretch is None else simulation.last_step
-        watch.look(step, is_firing=simulation.is_firing)
-        if progress is not None:
-            progress(watch)
-        for tell in measuring.at_stretches:
-            tell(stretch, watch)
-        for observer in observers:
-            observer(step, watch)
+        cycles, most, stretch = watch.cycles, min(watch.steps_left, MOST_STEPS), None
+        if measuring.at_stretches:
+            stretch = simulation.stretch(1 if observers else most)
+            steps = iter([simulation.last_step])
+        elif observers:
+            steps = simulation.one_by_one(1 if measuring.waits else most)
+        else:
+            steps = iter([simulation.advance(most, until_firing=True)])
+        for step in steps:
+            watch.look(step, is_firing=simulation.is_firing)
+            if progress is not None:
+                progress(watch)
+            for tell in measuring.at_stretches:
+                tell(stretch, watch)
+            for observer in observers:
+                observer(step, watch)
         for observer in measuring.at_cycles if watch.cycles > cycles else ():
             observer(step, watch)
         if simulation.steps != step.number + 1:

@@ -124,6 +124,11 @@ class Measuring:
                 observers += [watch for watch in watches if not watch.counts_firings]
         self.at_cycles += [watch for watch in watches if watch.counts_firings]
 
+    @property
+    def waits(self) -> bool:
+        """Whether the trial's end, or an entry, waits for a measure or a cycle."""
+        return bool(self._watches or self.entries)
+
     def is_over(self) -> bool:
         """Return whether the condition that ends the trial has held, if there is one."""
         return STOP in self._watches and self._watches[STOP].has_held
