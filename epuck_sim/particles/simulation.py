@@ -473,12 +473,14 @@ class ParticleSimulation:
         if self.scenario.agents.reorient_on:
             array_in(state, "heading")[:] = array_in(state, "headings_before")
         scene_of(state[0]).instants -= 1  # by which faults tell pulses apart
-        senders, receivers = np.divmod(self._links_in(state, event.fired, self._addresses), agents)
-        reached, first = np.unique(receivers, return_index=True)  # no agent receives two pulses at one instant
-        is_shifted = np.zeros(len(receivers), np.bool_)
-        is_shifted[first[np.isin(reached, event.received)]] = True
-        links = np.column_stack([senders, receivers, is_shifted])
-        return links if agents < SHIFTS_ONLY else links[is_shifted]
+        found = self._links_in(state, event.fired, self._addresses)
+        links = np.zeros((len(found), 3), np.int64)
+        links[:, 0], links[:, 1] = np.divmod(found, agents)
+        first = np.full(agents, -1)  # link by which each agent receives, as none receives two pulses at one instant
+        first[links[::-1, 1]] = np.arange(len(links))[::-1]
+        by_link = first[event.received]
+        links[by_link[by_link >= 0], 2] = 1
+        return links if agents < SHIFTS_ONLY else links[links[:, 2] > 0]
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.scenario!r}, seed={self.seed}, time_s={self.time_s:g})"
