@@ -157,11 +157,11 @@ def run_robots(
         cycles, most, stretch = watch.cycles, min(watch.steps_left, MOST_STEPS), None
         if measuring.at_stretches:
             stretch = simulation.stretch(1 if observers else most)
-            steps = iter([simulation.last_step])
+            steps: Iterable[Step] = [simulation.last_step]
         elif observers:
             steps = simulation.one_by_one(1 if measuring.waits else most)
         else:
-            steps = iter([simulation.advance(most, until_firing=True)])
+            steps = [simulation.advance(most, until_firing=True)]
         for step in steps:
             watch.look(step, is_firing=simulation.is_firing)
             if progress is not None:
