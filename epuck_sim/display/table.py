@@ -117,14 +117,14 @@ class _Column(NamedTuple):
 def cell_text(cell: Any) -> str:
     """Return the text of a cell for people.
 
-    >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.005), 2**53, AtMost(0.00123456), None, True)]
-    ['44 [29, 67]', '0.5 %', '9007199254740992', '<= 0.00123', '-', 'yes']
+    >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.9996), 2**53, AtMost(0.00123456), None, True)]
+    ['44 [29, 67]', '99.96 %', '9007199254740992', '<= 0.00123', '-', 'yes']
     """
     if cell is None or isinstance(cell, bool):
         return {None: "-", True: "yes", False: "no"}[cell]
     if isinstance(cell, Share):
-        digits = ".0f" if cell >= 1 else ".3g" if cell > 0.99 else ".2g"
-        return "-" if math.isnan(cell) else f"{100 * cell:{digits}} %"
+        near_all = f".{-math.floor(math.log10(100 * (1 - cell)))}f" if 0.99 < cell < 1 else ".0f"  # but not all
+        return "-" if math.isnan(cell) else f"{100 * cell:{near_all if cell > 0.99 else '.2g'}} %"
     if isinstance(cell, AtMost):
         return f"<= {significant(cell)}"
     if isinstance(cell, list | tuple) and not isinstance(cell, Estimate):

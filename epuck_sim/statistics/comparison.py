@@ -320,7 +320,7 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
         return None
     pairs = [pair_up(measure(first), measure(second)) for _, first, second in matches]
     good = [pair for pair in pairs if pair.is_comparable]
-    is_ratio = all(pair.is_positive and not pair.is_share for pair in good)
+    is_ratio = all(pair.is_positive and not any(each.is_share for each in pair) for pair in good or pairs)
     is_early = any(pair.is_censored_early for pair in good)
     if is_early:
         parts = [log_rank_parts(pair) for pair in good]

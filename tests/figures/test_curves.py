@@ -421,6 +421,10 @@ def test_minimum_and_peak_are_marked_where_a_regime_is_predicted_alone(form) -> 
     marks = {line.get_marker(): line.get_xdata()[1] for line in drawn}
     nearest = of_nearest(1, 30)
     assert marks == pytest.approx({"v": nearest.v_m_cm_s.value, "^": nearest.v_p_cm_s.value})
+    heights = {line.get_marker(): line.get_transform().transform(line.get_xydata())[1, 1] for line in drawn}
+    top = panel.transAxes.transform((0, 1))[1]
+    assert np.isnan(of_nearest(1, nearest.v_p_cm_s.value).t_sync.value)  # so it is on the upper edge, and seen
+    assert heights["v"] < heights["^"] == top
     one, five = written(form.tables["-theory.csv"])
     assert [one["regime"], five["regime"], five["v_p"]] == ["yes", "no", ""]
     assert float(one["v_p_high"]) == pytest.approx(nearest.v_p_cm_s.high, rel=1e-5)

@@ -520,4 +520,5 @@ def test_a_mean_that_is_extrapolated_beyond_all_trials_is_a_cross_on_the_upper_e
     form = read_form(made, {"form": "violins"})
     (panel,) = form.draw_figure().axes
     assert form.curves[0].values[1] > panel.get_ylim()[1] > 300
-    assert [line.get_xdata().tolist() for line in lines(panel, "undetermined")] == [[2]]
+    beyond = f"above {3 * 290} or undetermined: too many censored"
+    assert [line.get_xdata().tolist() for line in lines(panel, beyond)] == [[2]]

@@ -242,6 +242,8 @@ def test_the_mean_of_differences_of_shares_has_every_point_and_of_one_is_that_on
     alone = compared(shares(0), shares(4))
     assert alone.difference == alone.points[0].difference
     assert math.isnan(alone.points[0].ratio.value)
+    unknown = [point._replace(measured=(None,) * 5) for point in shares(0)]
+    assert compared(unknown, shares(4)).tested == "difference"
 
 
 def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() -> None:

@@ -66,7 +66,7 @@ CAPTION = (
     "dashed is T_sync as predict computes it from who hears whom, without a trial: curves, at the left edge for "
     "standing swarms, at the right for the fastest"
 )
-HOLLOW = "; hollow triangles are the predicted V_m (down) and V_p (up), with a standard deviation either way"
+HOLLOW = "; hollow triangles are V_m (down) and V_p (up), with their standard deviations, at the top without T_sync"
 
 
 class Predicted(NamedTuple):
@@ -237,7 +237,9 @@ class Curves(Form):
             for place, marker in each.places:
                 ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
                 time = np.interp(np.log(place.value), np.log(speeds), times)
-                panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=look.colour, **PLACE)
+                top: Any = {"transform": panel.get_xaxis_transform(), "clip_on": False, "in_layout": False}
+                height, at = (1, top) if math.isnan(time) else (time, {})
+                panel.plot(ends, (height,) * 3, marker=marker, markevery=[1], color=look.colour, **PLACE, **at)
 
     def _ends(self, is_log: bool) -> tuple[float, float]:
         """Return the highest end of the scale, and the upper end of bands that have no known end."""

@@ -120,7 +120,8 @@ class Violins(Form):
         draw = panel.vlines if self.names else partial(style.draw_intervals, panel)  # nothing is between names
         draw(curve.x, low, high, LINE, label=f"95 % interval of the {name}")
         if len(unknown := curve.x[~(curve.values <= top)]):  # also of a mean that is extrapolated too far
-            style.draw_crosses(panel, unknown, LINE, undetermined_label(self.of))
+            far = f"above {top:.3g} or " if (joined(self.curves, "values") > top).any() else ""
+            style.draw_crosses(panel, unknown, LINE, f"{far}{undetermined_label(self.of)}")
         if self.of in T_SYNC and not np.isnan(means := sample_means(curve)).all():
             panel.plot(curve.x, means, "D", color="black", markersize=3, label="mean, if no trial is censored")
 
