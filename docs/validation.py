@@ -23,7 +23,7 @@ from epuck_sim import load_scenario, read_points, run_sweep
 from epuck_sim.estimate import Estimate
 from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.figures.style import COLUMN_CM, choose_looks, style
-from epuck_sim.statistics.comparison import contrast, holm, log_rank, log_rank_parts, mean_contrast, pair_up
+from epuck_sim.statistics.comparison import contrast, holm, mean_contrast, pair_up
 from epuck_sim.statistics.statistic import Measured, mean_and_error, measure_t_sync
 from epuck_sim.util.atomic_write import atomic_write
 
@@ -124,7 +124,10 @@ def compare_point(axes: Mapping[str, Any], theirs: Measured, ours: Measured) -> 
         "Kolmogorov-Smirnov": float(stats.ks_2samp(ours.values, theirs.values).pvalue),
     }
     if not (ours.observed.all() and theirs.observed.all()):
-        p_values["log-rank"] = log_rank([log_rank_parts(pair_up(theirs, ours))])
+        times = [
+            stats.CensoredData(each.values[each.observed], right=each.values[~each.observed]) for each in (theirs, ours)
+        ]
+        p_values["log-rank"] = float(stats.logrank(*times).pvalue)
     larger = ranks.statistic > len(ours.values) * len(theirs.values) / 2
     return Compared(axes, theirs, ours, p_values, float(stats.norm.isf(ranks.pvalue / 2)) * (1 if larger else -1))
 
