@@ -387,9 +387,9 @@ def measure_fit_table(fits: Sequence[MeasureFit]) -> Table:
     """Return a table of the minimum and the peak of each curve."""
     texts = {"place": "{} at", "value": "{}", "p_value": "p of {}"}
     parts = [(f"{name}_{part}", name, part) for name in ("minimum", "peak") for part in texts]
-    none = {"place": UNDETERMINED, "value": UNDETERMINED}
+    none = {"place": UNDETERMINED, "value": UNDETERMINED, "p_value": None}
     cells = [
-        {key: (found[name] or none).get(part) for key, name, part in parts} | {"reason": found["reason"]}
+        {key: (found[name] or none)[part] or none[part] for key, name, part in parts} | {"reason": found["reason"]}
         for found in map(MeasureFit.record, fits)
     ]
     of, axes = fits[0].of, " or ".join(dict.fromkeys(fit.axis for fit in fits))

@@ -15,7 +15,7 @@ from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguish
 from epuck_sim.statistics import Statistic, extrema
 from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import find_minimum, find_minimum_and_peak, find_peak, search_extrema, smooth_logs
-from epuck_sim.statistics.fit import fit_measure
+from epuck_sim.statistics.fit import MeasureFit, fit_measure, measure_fit_table
 from tests.runs import made_folders
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, WIDTH, censored, ended, in_memory, sweep, weibull
 
@@ -435,3 +435,13 @@ def test_where_it_makes_no_sense_it_says_why(law, trials, said, tmp_path):
     (fit,) = fit_measure(read_points(folder_of(tmp_path, law, trials=trials), "near_walls"))
     assert (fit.minimum, fit.peak) == (None, None)
     assert said in fit.reason
+
+
+def test_csv_has_the_same_columns_whatever_is_found():
+    found = extrema.Extrema(np.array([1.0, 2.0]), np.ones((2, 2)), 0.001, np.ones((9, 2)))
+    fits = [
+        MeasureFit("run", "x", SPEED, {}, "mean", each, each, "") for each in (None, found, found._replace(p_value=1))
+    ]
+    heads = [measure_fit_table([fit]).to_csv().splitlines()[0] for fit in fits]
+    assert heads == heads[:1] * 3
+    assert "minimum_place_low" in heads[0]
