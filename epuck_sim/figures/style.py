@@ -37,8 +37,8 @@ COLOURS = ("#002dc3", "#ff5a00", "#690f00", "#1e96ff", "#c300a5", "#87784b", "#d
 """Colours of curves, without a green. A search found them: each has a contrast of at least 3 with white, and any two
 are at least 26 apart in CIELAB, also as people without one kind of cones see them (Machado et al. 2009)."""
 
-MARKERS = ("o", "s", "D", ">", "P", "<", "p", "*")
-"""Markers of curves; triangles that point up and down, and crosses, have meanings of their own."""
+MARKERS = ("o", "s", "D", ">", "d", "<", "p", "h")
+"""Markers of curves, of which one sees that they are hollow; triangles up and down, and crosses, mean other things."""
 
 MARKER_DISTANCE, MARKER_SHIFT = 0.2, 0.03
 """Distance between two markers of a line, and shift of the markers from one line to the next, relative to the panel's
@@ -184,11 +184,13 @@ def choose_looks(count: int) -> list[Look]:
     return [Look(COLOURS[place], MARKERS[(place + past) % len(MARKERS)]) for past, place in rounds]
 
 
-def draw_course(panel: Axes, x: FloatArray | IntArray, values: FloatArray, place: int, look: Look, label: str) -> None:
+def draw_course(
+    panel: Axes, x: FloatArray | IntArray, values: FloatArray, place: int, look: Look, label: str, line: str = "-"
+) -> None:
     """Draw a line over time, (n,), with few markers; lines with different `place` have them at different places."""
     # matplotlib cannot space markers on a line without any point
     every = (place * MARKER_SHIFT, MARKER_DISTANCE) if np.isfinite(values).any() else None
-    panel.plot(x, values, color=look.colour, marker=look.marker, markevery=every, label=label or None)
+    panel.plot(x, values, line, color=look.colour, marker=look.marker, markevery=every, label=label or None)
 
 
 def shifted(x: FloatArray, number: FloatArray | int, count: int, is_log: bool) -> FloatArray:
@@ -310,10 +312,13 @@ class _LogLocator(LogLocator):
     def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
         """Return the ticks between two ends."""
         room = self.axis.get_tick_space() / 3 if _has_plain_numbers(self.axis) else SHORT
-        self.set_params(subs=(1, 2, 5) if 0 < vmax <= vmin * 10**room else (1,))
-        found = super().tick_values(vmin, vmax)
-        shown = [tick for tick in found if vmin <= tick <= vmax]
-        return found if len(shown) > 1 else AutoLocator().tick_values(vmin, vmax)  # one tick alone tells nothing
+        is_short = 0 < vmax <= vmin * 10**room
+        for subs in ((1, 2, 5),) if is_short else ((1,), (1, 2, 5)):
+            self.set_params(subs=subs)
+            found = super().tick_values(vmin, vmax)
+            if np.count_nonzero((vmin <= found) & (found <= vmax)) > 1:  # one tick alone tells nothing
+                return found
+        return AutoLocator().tick_values(vmin, vmax)
 
 
 def _label_tick(axis: Axis, number: float, _: int | None = None) -> str:

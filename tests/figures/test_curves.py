@@ -321,6 +321,7 @@ def test_a_series_is_the_mean_and_dashed_once_a_trial_has_ended_a_row_a_cycle_an
     assert full.get_xdata().tolist() == [1, 2, 3, 4]
     assert (short.get_linestyle(), short.get_xdata().tolist()) == ("-", [1, 2])
     assert (ended_before.get_linestyle(), ended_before.get_xdata().tolist()) == ("--", [2, 3])
+    assert ended_before.get_marker() == short.get_marker() != full.get_marker()
     assert legend_texts(figure) == ["V = 1 cm/s", "V = 2 cm/s", "95 % interval", "some trials have ended"]
     assert (panel.get_xlabel(), panel.get_ylabel()) == ("cycle", "mine")
     assert Series(of="mine", points=[LONG, SHORT]).shows.endswith("; 6 trials a point")

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import image, rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
@@ -82,6 +83,15 @@ def test_each_curve_has_a_look_of_its_own_and_the_first_differ_in_both_colour_an
     assert {"v", "^", "x"}.isdisjoint(MARKERS)
 
 
+@pytest.mark.parametrize("marker", MARKERS)
+def test_of_a_hollow_marker_one_sees_the_middle(marker: str) -> None:
+    with rc_context(style()):
+        canvas = FigureCanvasAgg(Figure((1, 1), dpi=300))
+        canvas.figure.add_axes((0, 0, 1, 1)).plot(0, 0, marker, color="black", markerfacecolor="white")
+        canvas.draw()
+    assert np.asarray(canvas.buffer_rgba())[149:151, 149:151].min() > 200
+
+
 @given(st.text(st.characters(exclude_categories=["C"]), max_size=40))
 def test_any_text_is_shown_as_it_is(text: str) -> None:
     shown = looks.typeset(text.replace("_", " "))
@@ -114,6 +124,16 @@ def test_a_plain_number_has_no_exponent_and_is_read_back(number: float) -> None:
     assert looks.is_plain(number, number)
     assert float(looks.format_tick(number)) == pytest.approx(number)
     assert "e" not in looks.format_tick(number)
+
+
+def test_ticks_of_a_low_panel_with_one_power_of_ten_do_not_overlap() -> None:
+    with rc_context(style()):
+        figure = Figure((1.5, 1.2))
+        panel = figure.subplots()
+        looks.make_logarithmic(panel, "y")
+        panel.set_ylim(16, 350)
+        figure.draw_without_rendering()
+    assert [tick for tick in panel.get_yticks() if 16 < tick < 350] == [20, 50, 100, 200]
 
 
 @pytest.mark.parametrize(("width_cm", "font_pt", "label"), [(5, 12, "T_sync (cycles)"), (8.5, 8, "a long label, " * 8)])

@@ -353,7 +353,7 @@ class Series(Form):
             style.draw_intervals(panel, series.cycles, low, high, look.colour)
             style.draw_course(panel, series.cycles[:complete], mean[:complete], place, look, style.typeset(label))
             if complete < len(mean):
-                panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)
+                style.draw_course(panel, series.cycles[complete - 1 :], mean[complete - 1 :], place, look, "", "--")
             has_bands |= bool(np.isfinite(low).any())
             has_ended |= complete < len(mean)
         means = np.concatenate([point.statistics.mean[:, 0] for point in self.points])
