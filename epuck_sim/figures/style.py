@@ -184,9 +184,7 @@ def choose_looks(count: int) -> list[Look]:
     return [Look(COLOURS[place], MARKERS[(place + past) % len(MARKERS)]) for past, place in rounds]
 
 
-def draw_course(
-    panel: Axes, x: FloatArray | IntArray, values: FloatArray, place: int, look: Look, label: str, line: str = "-"
-) -> None:
+def draw_course(panel: Axes, x: Any, values: FloatArray, place: int, look: Look, label: str, line: str = "-") -> None:
     """Draw a line over time, (n,), with few markers; lines with different `place` have them at different places."""
     # matplotlib cannot space markers on a line without any point
     every = (place * MARKER_SHIFT, MARKER_DISTANCE) if np.isfinite(values).any() else None

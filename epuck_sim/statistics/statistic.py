@@ -391,7 +391,8 @@ class Summaries(list[PointSummary]):
             cells = {**censored, **estimates, "unit": point.unit, **({"horizon": point.horizon} if is_time else {})}
             rows.append(Row(point.axes, {"point": point.point, "trials": point.trials, **cells}))
         title = f"{folder}{': ' * bool(folder)}{self.label}, with 95 % intervals"
-        return Table(title, rows, [*self._notes()], {**names, "unit": "", "horizon": ""})
+        has_several = len({point.horizon for point in self if point.censored}) > 1
+        return Table(title, rows, [*self._notes()], {**names, "unit": "", "horizon": "horizon" * has_several})
 
     def _notes(self) -> Iterator[str]:
         if undetermined := sum(point.undetermined for point in self):
@@ -400,8 +401,8 @@ class Summaries(list[PointSummary]):
             yield "No trial has a value yet."
         if any(point.censored for point in self):
             yield (
-                "Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit "
-                "of cycles, or the longest trial. Weibull mean: extrapolated by thesis Appendix A. -: undetermined."
+                "Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the horizon "
+                "(limit of cycles, or longest trial). Weibull mean: extrapolated by thesis Appendix A. -: undetermined."
             )
         if unbegun := sum(point.unbegun for point in self):
             yield f"Censored at 0 cycles, so without effect: {counted(unbegun, 'trial')}, whose reference never fired."

@@ -261,6 +261,9 @@ def test_the_horizon_is_the_longest_follow_up_and_trials_whose_reference_never_f
     assert (followed.horizon, followed.restricted_mean) == (40, pytest.approx(10 + 30 * 2 / 3))
     summary = summaries_of(in_memory(sweep(), lambda _: ended([10, 0, 0], [True, False, False])))
     assert "Censored at 0 cycles, so without effect: 2 trials, whose reference never fired." in summary.table().notes
+    cut_at = {1: 30, 2: 40}
+    several = in_memory(sweep({SPEED: [1, 2]}), lambda point: ended([9, cut_at[point.axes[SPEED]]], [True, False]))
+    assert [found.table().headings["horizon"] for found in (summary, summaries_of(several))] == ["", "horizon"]
 
 
 def test_t_sync_in_seconds_is_censored_as_cycles_are_and_unknown_where_trials_go_on_after_synchrony(tmp_path) -> None:
