@@ -16,7 +16,7 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator, LogLocator, MaxNLocator, NullFormatter
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.scenario.axes import is_logarithmic
@@ -231,9 +231,7 @@ PLAIN = (1e-3, 1e5)  # ends of the range whose numbers are written out; where a 
 SHORT = 1.5  # decades up to which powers of ten have factors between them, and plain numbers are better
 
 
-def draw_intervals(
-    panel: Axes, x: FloatArray | IntArray, low: FloatArray, high: FloatArray, colour: str, label: str = ""
-) -> None:
+def draw_intervals(panel: Axes, x: Any, low: FloatArray, high: FloatArray, colour: str, label: str = "") -> None:
     """Draw intervals as a band, but as bars where they have no neighbour, as a band has no area there; NaN for none."""
     panel.fill_between(x, low, high, color=colour, alpha=BAND, linewidth=0, label=label)
     known = np.pad(~np.isnan(low + high), 1)
@@ -314,7 +312,7 @@ class _LogLocator(LogLocator):
         for subs in ((1, 2, 5),) if is_short else ((1,), (1, 2, 5)):
             self.set_params(subs=subs)
             found = super().tick_values(vmin, vmax)
-            if np.count_nonzero((vmin <= found) & (found <= vmax)) > 1:  # one tick alone tells nothing
+            if sum(vmin <= tick <= vmax for tick in found) > 1:  # one tick alone tells nothing
                 return found
         return AutoLocator().tick_values(vmin, vmax)
 

@@ -434,20 +434,16 @@ def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Itera
     if any(isinstance(point.p_value, AtMost) and point.p_holm > 1 - LEVEL for point in points):
         count = sum(each.compared for each in compared)
         yield f"{count} comparisons are too many: of {PERMUTATIONS} permutations, no p (Holm) is below 0.05."
-    restricted = sum(max(point.censored) > 0 and point.ratio.has_interval for point in points)
-    if restricted:
+    if restricted := sum(max(point.censored) > 0 and point.ratio.has_interval for point in points):
         where = counted(restricted, "point")
         yield f"Restricted at {where}: a factor that makes all times of a side longer is farther from 1 than the ratio."
-    few = len(points) - sum(each.compared for each in compared)
-    if few:
+    if few := len(points) - sum(each.compared for each in compared):
         none = "that synchronised" if compared[0].of in T_SYNC else "with a value"
         yield f"-: fewer than {MIN_TRIALS} trials on one side, or none {none}, at {counted(few, 'point')}."
-    unaveraged = sum(each.compared - each.averaged for each in compared)
-    if unaveraged:
+    if unaveraged := sum(each.compared - each.averaged for each in compared):
         where = "the trials of one side are all censored or alike"
         yield f"p alone: {counted(unaveraged, 'point')}, where {where}."
-    left_out = sum(each.left_out for each in compared)
-    if left_out:
+    if left_out := sum(each.left_out for each in compared):
         yield f"Left out: {counted(left_out, 'point')} with trials on one side only."
 
 

@@ -57,9 +57,8 @@ class TrialPlan(NamedTuple):
         else:
             of = "" if self.of in T_SYNC else f" with a value of {self.of}"
             said = f"No point has {MIN_TRIALS} trials{of}, the fewest for a spread; run again with --trials 20 or more."
-        notes = [said]
-        if self.over_all is not None:
-            notes.append(f"Over all points together, if all differ alike: {self.over_all} at each.")
+        over_all = f"Over all points with such a number together, if all differ alike: {self.over_all} at each."
+        notes = [said, *[over_all] * (self.over_all is not None)]
         return Table(f"{name}: {quantity(self.of, self.unit)}", rows, notes, headings)
 
 
