@@ -124,8 +124,18 @@ def jit_functions(
 INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from", "File ")
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
-NOT_KNOWN = re.compile(r"Unknown attribute '(\w+)' .*<module '([\w.]+)'|Untyped .*'(\w+)': .*'function'>$")
-"""Messages of numba about functions that it cannot compile: name and module, or name."""
+PLAIN_WORDS = {
+    r"^(Cannot cast .*?): .*|^Cannot bind .* due to \"(.*)\"\.?$": r"\1\2",  # without LLVM's value, or all types
+    r"^.* '(\w+)'(?:: .* list| in globals|.*'dict'>).*": r"\1 is a list or dictionary of the file; make it a tuple",
+    r"^Unknown attribute '(\w+)' .*<module '([\w.]+)'.*": r"Untyped name '\2.\1': Cannot determine",  # as in the next
+    r"^Untyped .*'([\w.]+)': Cannot determine.*": r"numba knows no \1; of your own modules it compiles those beside "
+    "the file, imported by name alone",
+    r"^Unknown attribute 'shape' of type \w+$": "a number in place of an array; for np.clip write min(max(x, a), b)",
+    r"^.*\(IMPORT_NAME\).*": "an import within a function; import at the beginning of the file",
+    r"^The use of yield .*": "a generator, (... for ...); write a loop",
+    r"^Type of variable .* unknown operation.*": "an assignment by := in an expression; assign in a line of its own",
+}
+"""Patterns of numba's messages, and what users read instead."""
 
 
 def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: str) -> str:
@@ -133,12 +143,8 @@ def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: st
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
     reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
-    reason = re.sub(r"^(Cannot cast .*?): .*", r"\1", reason)  # and not the value as LLVM writes it
-    if found := NOT_KNOWN.match(reason):
-        name = ".".join(filter(None, (found[2], found[1] or found[3])))
-        reason = f"numba knows no {name}; of your own modules it compiles those beside the file, imported by name alone"
-    elif "(IMPORT_NAME)" in reason:
-        reason = "an import within a function; import at the beginning of the file"
+    for pattern, words in PLAIN_WORDS.items():
+        reason = re.sub(pattern, words, reason)
     place = _place(reason, innermost, sources)
     if place is None:
         return f"{next(iter(sources))}: cannot be compiled{instead}: {reason}"

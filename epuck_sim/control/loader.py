@@ -110,8 +110,7 @@ def _load_sensor(place: Place) -> Sensor:
         raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
     for name in file.parts["READINGS"]:
         if name in Sensors._fields:
-            said = f"READINGS: {name!r} is a reading of all robots; choose another"
-            raise file.refusal("READINGS", said)
+            raise file.refusal("READINGS", f"READINGS: {name!r} is a reading of all robots; choose another")
         if keyword.iskeyword(name) or str(name).startswith("_"):
             raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
     readings = file.record_type("READINGS", most=10_000)

@@ -158,13 +158,8 @@ def _mistakes(
 
 def _returned(definition: ast.FunctionDef) -> Iterator[tuple[int, str]]:
     """Yield line and message of each value that `step` or `sense` returns; functions defined within may return some."""
-    inner = {
-        each
-        for part in definition.body
-        for node in ast.walk(part)
-        if isinstance(node, ast.FunctionDef | ast.Lambda)
-        for each in ast.walk(node)
-    }
+    nested = [node for node in ast.walk(definition) if isinstance(node, ast.FunctionDef)][1:]
+    inner = {each for node in nested for each in ast.walk(node)}
     to = "readings" if definition.name == "sense" else "actuators, as in actuators.ring_on = 1"
     for node in ast.walk(definition):
         if isinstance(node, ast.Return) and node not in inner and ast.unparse(node) not in ("return", "return None"):

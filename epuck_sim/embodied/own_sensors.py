@@ -130,8 +130,7 @@ class OwnSensor(UserCode):
 
     def _without_line(self, error: BaseException, robot: int) -> tuple[str, BaseException]:
         reading = self.readings[robot - self.robots.start]
-        for name in self.sensor.readings.names or ():
-            if np.isnan(np.asarray(reading[name], float)).any():
-                error = ValueError(f"readings.{name} is not a number; allowed: numbers")
-                break
+        names = self.sensor.readings.names or ()
+        if found := [name for name in names if np.isnan(np.asarray(reading[name], float)).any()]:
+            error = ValueError(f"readings.{found[0]} is not a number; allowed: numbers")
         return f"{self.sensor.path}:{line_of_definition('sense', self.sensor.sources[self.sensor.path])}", error

@@ -122,6 +122,8 @@ class UserCode(ABC):
             place, error = self._without_line(error, robot)
         if isinstance(error, FloatingPointError) and "divide" in str(error):  # numpy's of 1 / 0
             error = ZeroDivisionError("division by zero")
+        elif type(error) is TypeError and str(error).endswith(", got None"):  # of compiled code
+            error = TypeError(f"{error}: a function that it calls has a way without return")
         self._scene.serving, self._scene.sensing = -1, 0
         return RobotError(self._user, robot, error, place)
 

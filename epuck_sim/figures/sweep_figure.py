@@ -190,7 +190,7 @@ def _check_fit(points: Sequence[PointTrials], form: str, given: Mapping[str, obj
         f"--form series: {of} is no series, but one value for each trial; allowed: curves, map or violins": (
             form == "series" and not is_series
         ),
-        f"--form {form}: {of} is a series, with a value for each cycle; allowed: series": (
+        f"--form {form}: {of} is a series, with several values a trial; allowed: series": (
             is_series and form != "series"
         ),
         f"--censored-at is for T_sync in cycles, but this is {of}": of and "censored_at_cycles" in given,

@@ -140,7 +140,7 @@ def measure(point: PointTrials) -> Measured:
     if point.of in T_SYNC:
         return measure_t_sync(point)
     if any(isinstance(value, list) for value in point.measured):
-        said = "is a series, with a value for each cycle; this needs one value a trial"
+        said = "is a series, with several values a trial; this needs one"
         raise StoreError(f"{point.of} {said}; allowed: plot --form series and summarize (statistics.curves)")
     known = [value for value in point.measured if value is not None and not isinstance(value, list)]
     is_share = bool(known) and all(isinstance(value, bool) for value in known)
