@@ -130,7 +130,6 @@ class OwnSensor(UserCode):
 
     def _without_line(self, error: BaseException, robot: int) -> tuple[str, BaseException]:
         reading = self.readings[robot - self.robots.start]
-        names = self.sensor.readings.names or ()
-        if found := [name for name in names if np.isnan(np.asarray(reading[name], float)).any()]:
-            error = ValueError(f"readings.{found[0]} is not a number; allowed: numbers")
+        if nan := [name for name in reading.dtype.names or () if np.isnan(np.asarray(reading[name], float)).any()]:
+            error = ValueError(f"readings.{nan[0]} is not a number; allowed: numbers")
         return f"{self.sensor.path}:{line_of_definition('sense', self.sensor.sources[self.sensor.path])}", error
