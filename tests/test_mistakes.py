@@ -104,7 +104,7 @@ MAKERS: dict[str, Callable[[Path], object]] = {
     "empty": stored(lambda _: ended([]), {SPEED: SPEEDS}),
     "later": lambda path: (MAKERS["flat"](path), edit(path, "UPDATE points SET scenario = '{\"mine\": 1}'")),
     "censored": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3),
-    "timeless": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3, stop={"order_parameter": None, "max_cycles": 5000}),
+    "timeless": stored(never, {"contact.robots": [False], SPEED: [1, 2]}, 3, stop={"order_parameter": None}),
     "panels": stored(lambda _: ended([5]), {WIDTH: range(60, 125), SPEED: [1, 2]}, 1),
     "agents": stored(partial(weibull, mean=30), AGENTS, 3, "tiny", model="particles", agents={"count": 6}, **CONE),
     "tied": stored(partial(weibull, mean=30), None, 3, "tied", model="particles", sweep={"zip": TIED}),

@@ -295,7 +295,8 @@ class GroupControllers(UserCode):
         """Run one control step of each robot that is in the arena; raise RobotError where a controller does."""
         addresses = np.array([0] * self._group.controller + self.addresses(self._group.controller))
         try:
-            self.run(self._block, addresses, self._number)
+            if self._group.count:  # compiled code looks at the first robot
+                self.run(self._block, addresses, self._number)
         except BaseException as error:  # whatever a user's controller may raise
             if fault := self.fault(error):
                 raise fault from error

@@ -90,45 +90,46 @@ class VelocityCorrelationTime(_Moves):
 
     def __post_init__(self) -> None:
         self._last: FloatArray = np.zeros((0, 0))  # (lags, n d) velocities that later ones will be multiplied by
-        self._sums, self._terms = np.zeros((2, self.lags + 1))
+        self._sums, self._velocities = np.zeros(self.lags + 1), 0
         self._first_s = self._last_s = 0.0
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        moves = self.moves(stretch)
-        self.take(moves, len(moves))
+        self.take(self.moves(stretch))
 
     def batch(self, batch: Any, _: Any) -> None:
         if not self.has_bodies:
-            self._first_s = self._first_s if self._terms[0] else batch.time_s[0]
+            self._first_s = self._first_s if self._velocities else batch.time_s[0]
             self._last_s = batch.time_s[-1]
-            self.take(batch.velocities, 1)  # products of matrices of other sizes differ in last digits
+            self.take(batch.velocities)
 
-    def take(self, velocities: FloatArray, together: int) -> None:
-        """Add the products of (k, n, d) velocities, so many together, with those up to `lags` before, by lag."""
+    def take(self, velocities: FloatArray) -> None:
+        """Add the products of (k, n, d) velocities with those up to `lags` before, by lag."""
         columns = velocities.shape[1] * velocities.shape[2]
         known = np.concatenate([each.reshape(-1, columns) for each in (self._last, velocities)])
-        for first in range(len(self._last), len(known), max(together, 1)):
-            factors = known[max(first - self.lags, 0) : first + together]
-            add_products(self._sums, self._terms, factors @ factors[len(factors) - together :].T)
+        add_products(self._sums, known, len(self._last))
+        self._velocities += len(velocities)
         self._last = known[-self.lags :]
 
     def value(self) -> float | None:
         """Return the time; None if nobody moves, or if the correlation does not fall so far within the lags."""
-        known = self._terms > 0
-        cycle_s = (self._last_s - self._first_s) / max(self._terms[0] - 1, 1)  # pulses shorten cycles
+        terms = np.arange(self._velocities, max(self._velocities - len(self._sums), 0), -1)  # added at each lag
+        cycle_s = (self._last_s - self._first_s) / max(self._velocities - 1, 1)  # pulses shorten cycles
         interval_s = self.simulation.step_s if self.has_bodies else float(cycle_s)
-        return correlation_time(self._sums[known] / self._terms[known], interval_s)
+        return correlation_time(self._sums[: len(terms)] / terms, interval_s)
 
 
 @jit
-def add_products(sums: FloatArray, terms: FloatArray, products: FloatArray) -> None:
-    """Add (known, k) products of velocities with the last k of them to `sums`, by lag, and their numbers to `terms`."""
-    known, latest = products.shape
-    for place in range(latest):
-        at = known - latest + place
+def add_products(sums: FloatArray, known: FloatArray, first: int) -> None:
+    """Add products of (k, n) velocities, from row `first` on, with those up to then to `sums`, by lag.
+
+    They are added one by one: products of matrices have other last digits where more rows are multiplied at once.
+    """
+    for at in range(first, len(known)):
         for lag in range(min(at + 1, len(sums))):
-            sums[lag] += products[at - lag, place]
-            terms[lag] += 1.0
+            product = 0.0
+            for column in range(known.shape[1]):
+                product += known[at, column] * known[at - lag, column]
+            sums[lag] += product
 
 
 def correlation_time(correlation: FloatArray, interval_s: float) -> float | None:

@@ -262,8 +262,9 @@ class Scenario(ConfigModel):
     def notes(self) -> list[str]:
         """Notes on what is allowed but may not be meant: conditions and changes that never come, unless swept."""
         orders = {key: each for key, (each, _) in self.conditions.items() if each.measure == ORDER_PARAMETER}
-        never = "never holds: the order parameter is from 0 to 1"
-        found = [f"{key} {never}" for key, each in orders.items() if not (each.holds(0) or each.holds(1))]
+        least = -1 if self.stop.metric == "reference" else 0
+        never = f"never holds: the order parameter is from {least} to 1"
+        found = [f"{key} {never}" for key, each in orders.items() if not (each.holds(least) or each.holds(1))]
         for key in () if self.sweep else ("faults", "schedule"):
             for number, each in enumerate(getattr(self, key, ())):
                 for name, moment in (("max_time_s", each.at_s), ("max_cycles", getattr(each, "at_cycle", None))):

@@ -249,6 +249,7 @@ def test_the_correlation_time_is_that_of_all_velocities(sections):
     ]
     assert value == pytest.approx(correlation_time(np.array(correlation), interval))
     assert value > 0
+    assert run({"velocity_correlation_time": {"lags": lags}}, **sections)[1] == value  # to the bit, without an observer
 
 
 def test_time_in_avoidance_and_in_contact_is_counted_in_steps():

@@ -129,6 +129,8 @@ def named_axis(points: Sequence[PointTrials], choices: Choices) -> tuple[str, Se
     axis = choose_axis(rows, *choices.axis("x"), by_name=True)
     if axis in numeric_axes(rows):
         return axis, points, []
+    for point in points:
+        measure(point)  # what it refuses it names by the values of axes
     texts = [format_value(axis, row[axis]) for row in short_files([{axis: row[axis]} for row in rows])]
     names = list(dict.fromkeys(texts))
     each = zip(points, texts, strict=True)
