@@ -23,11 +23,12 @@ TRIAL_BYTES = 145
 
 def check_sweep(points: Sequence[Point]) -> None:
     """Raise ScenarioError for a sweep that cannot be run, or cannot be drawn as its section `figure` says."""
-    scenario = points[0].scenario
+    scenario, form = points[0].scenario, points[0].scenario.figure.form
     with refused_at(scenario.name):
+        if form in ("perturbation", "course") and scenario.controllers:
+            raise ScenarioError(f"figure.form is {form!r}, which needs model: particles; allowed: another form")
         check_figure_axes(scenario.figure, [point.axes for point in points])
-        measures = (measure.name for measure in scenario.measures)
-        check_labels(scenario.figure.labels, points[0].axes, measures, "figure.labels")
+        check_labels(scenario.figure.labels, points[0].axes, (each.name for each in scenario.measures), "figure.labels")
     for point in points:
         try:
             MODELS[point.scenario.model].check_room(point.scenario)

@@ -82,14 +82,9 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
         simulation.replace_controller(-1, load_controller(str(path)))
     with pytest.raises(ValueError, match="controller is 'firefly'; allowed: what `control"):
         simulation.replace_controller(0, "firefly")
-
-
-@MODES
-def test_a_group_without_robots_gets_another_one_as_well(interpret: bool, tmp_path) -> None:
-    simulation = simulate(tmp_path / "mine.py", interpret, count=0)
-    save(tmp_path / "mine.py", source(memory='"drawn": float, "more": int'))
-    replaced = simulation.replace_controller(0, load_controller(tmp_path / "mine.py"))
-    assert (replaced.kept, replaced.started) == (("steps", "drawn"), ("more",))
+    nobody = simulate(path, interpret, count=0)
+    save(path, source(memory='"drawn": float, "more": int'))
+    assert nobody.replace_controller(0, load_controller(path)) == (("steps", "drawn"), ("more",))
 
 
 def test_a_fault_goes_on_in_robots_that_get_another_controller(tmp_path) -> None:
