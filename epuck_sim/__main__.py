@@ -3,6 +3,7 @@
 import atexit
 import gc
 import os
+import signal
 
 
 def main() -> None:
@@ -10,6 +11,8 @@ def main() -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # it would look through all installed packages
     gc.set_threshold(300_000, 50, 50)  # imports make a quarter of a million objects, and no garbage
     atexit.register(gc.freeze)  # leaves nothing to the last collections: an eighth of a command's time
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a handler, Ctrl-C ends it without a traceback
     from epuck_sim.cli.app import main as run_command  # noqa: PLC0415
 
     run_command()

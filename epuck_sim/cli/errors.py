@@ -24,13 +24,13 @@ def exit_on_error() -> Iterator[None]:
         with extras_named():
             yield
     except (KeyboardInterrupt, BdbQuit) as interrupt:
-        typer.echo("interrupted", err=True)
+        print_stderr("interrupted")
         raise typer.Exit(130) from interrupt
     except Exception as error:
         if (message := _message(error)) is None:
             raise
         if _is_open(sys.stderr):
-            typer.echo(f"error: {message}", err=True)
+            print_stderr(f"error: {message}")
         raise typer.Exit(2) from error
 
 
@@ -71,7 +71,7 @@ def print_traceback() -> Iterator[None]:
 
 def _print_warning(said: Warning | str, kind: type[Warning]) -> None:
     if not issubclass(kind, DeprecationWarning):  # what one library says to another, no user can heed
-        typer.echo(f"note: {said}", err=True)
+        print_stderr(f"note: {said}")
 
 
 @contextmanager
@@ -100,8 +100,12 @@ def prefix_scenario(scenario: str) -> Iterator[None]:
 
 
 def print_stderr(line: str) -> None:
-    """Print a line on stderr, at once."""
-    print(line, file=sys.stderr, flush=True)
+    """Print a line on stderr, at once; what cannot be printed, as on a full disk, ends nothing but a broken pipe."""
+    try:
+        typer.echo(line, err=True)
+    except OSError as error:
+        if error.errno == errno.EPIPE:
+            raise
 
 
 @contextmanager

@@ -47,7 +47,7 @@ class _ProgressLine:
     def show(self, text: str, completed: int | None = None, total: int | None = None) -> None:
         """Show how far the task is."""
         if self._bar is None:
-            print(text, file=sys.stderr, flush=True)
+            print_stderr(text)
             return
         if not self._bar.task_ids:
             self._bar.start()

@@ -58,8 +58,9 @@ def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
 
             @stack.callback
             def let_go() -> None:
-                if is_held():
-                    (folder / HOLDER).unlink(missing_ok=True)
+                with suppress(OSError):  # if it stays, nothing is the matter
+                    if is_held():
+                        (folder / HOLDER).unlink()
 
             for path in folder.iterdir():
                 if is_leftover(path.name, DATABASE) or is_leftover(path.name, RUN_SCENARIO):

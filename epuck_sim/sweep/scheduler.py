@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from heapq import heappop, heappush
 from itertools import islice
 from multiprocessing import forkserver, resource_tracker
@@ -23,7 +24,7 @@ from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.store import Outcome
 from epuck_sim.sweep.worker import Task, compile_ahead, make_outcome, out_of_time, run_chunk
 from epuck_sim.util.machine import allow_files, blocked
-from epuck_sim.util.messages import whole
+from epuck_sim.util.messages import counted, whole
 
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
@@ -34,6 +35,9 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.trial.particles"]
 """Modules that the server from which local workers are forked has loaded, so that no worker loads them itself."""
+
+MOST_TRIES = 3  # times that workers are started if they die before they have begun
+LIMITED = "they die as they begin; give fewer --workers, or raise a limit of memory or of processes (ulimit -v, -u)"
 
 
 class Pool(NamedTuple):
@@ -69,8 +73,8 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     workers = count_workers(workers)
     needed = 24 + 2 * workers  # of this process, and of the server
     if (allowed := allow_files(needed)) is not None:
-        enough = max(1, (allowed - 24) // 2)
-        said = f"{workers} workers need {needed} open files; allowed: {allowed}, enough for {enough} workers"
+        enough = f"enough for {counted((allowed - 24) // 2, 'worker')}" if allowed > 25 else "too few for any"
+        said = f"{counted(workers, 'worker')} need {needed} open files; allowed: {allowed}, {enough}"
         raise EpuckSimError(f"{said}; ulimit -n raises this limit")
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
@@ -82,15 +86,18 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         except OSError as error:  # a socket's name is short
             needs = "the current folder and TMPDIR must be there, and TMPDIR's path be short"
             raise EpuckSimError(f"workers cannot start: {error.strerror or error}; {needs}") from error
+        except EOFError as error:  # the server has died
+            raise EpuckSimError(f"workers cannot start: {LIMITED}") from error
         probe.join()
         if probe.exitcode == 1:  # it imported the script again, which began the sweep, and has said what was wrong
             main = 'below `if __name__ == "__main__":`'
             raise EpuckSimError(f"workers cannot start; a script must be a file, and begin sweeps {main}")
         hold = context.Lock()
-        executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(hold,))
+        another = partial(ProcessPoolExecutor, workers, mp_context=context, initializer=_begin, initargs=(hold,))
+        executor, tries = another(), 1
         try:
-            with hold:  # all start before one works: an executor may hang if a worker dies while another starts
-                _uninterrupted(lambda: [executor.submit(int) for _ in range(workers)])
+            while not _have_begun(executor, workers, hold, is_last=tries == MOST_TRIES):
+                executor, tries = another(), tries + 1
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
@@ -98,6 +105,20 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
             executor.shutdown(cancel_futures=True)  # waits: a worker that is starting needs what exit removes
             raise
         executor.shutdown()
+
+
+def _have_begun(executor: Executor, workers: int, hold: "Lock", *, is_last: bool) -> bool:
+    """Start the workers of an executor, and return whether all live, or raise: no trial is to be blamed."""
+    try:
+        with hold:  # all start before one works: an executor may hang if a worker dies while another starts
+            begun = _uninterrupted(lambda: [executor.submit(int) for _ in range(workers)])
+        for each in begun:
+            each.result()
+    except (BrokenExecutor, EOFError) as error:
+        if is_last:
+            raise EpuckSimError(f"workers cannot start: {LIMITED}") from error
+        return False
+    return True
 
 
 def _context() -> "ForkServerContext | SpawnContext":
@@ -135,7 +156,10 @@ def _begin(hold: "Lock") -> None:
         parent.join()
         os._exit(1)
 
-    threading.Thread(target=wait_for_parent, daemon=True).start()
+    try:
+        threading.Thread(target=wait_for_parent, daemon=True).start()
+    except RuntimeError:  # a limit of memory or of processes
+        os._exit(1)
     with hold:
         pass
 

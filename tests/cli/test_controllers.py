@@ -138,7 +138,8 @@ def test_a_message_that_is_no_unicode_costs_its_own_trial_alone_and_an_interrupt
 
 
 def test_more_workers_than_the_system_allows_files_are_refused_at_once(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("resource.getrlimit", lambda _: (64, 64))
-    result = call("run", "thesis", "--trials", "99", "--workers", "64", "--out", tmp_path / "run")
-    said = "error: 64 workers need 152 open files; allowed: 64, enough for 20 workers; ulimit -n raises this limit"
-    assert (result.exit_code, result.stderr.splitlines()[-1]) == (2, said)
+    for allowed, enough in ((64, "enough for 20 workers"), (20, "too few for any")):
+        monkeypatch.setattr("resource.getrlimit", lambda _, allowed=allowed: (allowed, allowed))
+        result = call("run", "thesis", "--trials", "99", "--workers", "64", "--out", tmp_path / "run")
+        said = f"error: 64 workers need 152 open files; allowed: {allowed}, {enough}; ulimit -n raises this limit"
+        assert (result.exit_code, result.stderr.splitlines()[-1]) == (2, said)

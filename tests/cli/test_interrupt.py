@@ -126,6 +126,11 @@ def test_one_request_ends_an_import_that_never_does(tmp_path, end: str, request_
     assert end_of(process) == (130, "interrupted\n")
 
 
+def test_ctrl_c_while_the_command_itself_is_imported_leaves_no_traceback(tmp_path) -> None:
+    (tmp_path / "typer.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)")
+    assert end_of(start([*COMMAND, "--version"], cwd=tmp_path)) == (-signal.SIGINT, "")
+
+
 def test_the_third_request_in_a_row_ends_what_catches_every_one(tmp_path) -> None:
     process = importing(tmp_path, DEAF)
     for _ in range(2):

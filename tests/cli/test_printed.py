@@ -1,5 +1,6 @@
 """What commands print, of which size they say that trials are, how far they come, what failed, and how they end."""
 
+import errno
 import json
 import re
 import signal
@@ -10,6 +11,7 @@ from io import StringIO
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from rich.console import Console
 
 from epuck_sim import ParticleSimulation, TrialResult, __version__, load_scenario, run_trial
 from epuck_sim.cli import errors, progress, tables
-from epuck_sim.cli.errors import note_if_slow
+from epuck_sim.cli.errors import note_if_slow, print_stderr
 from epuck_sim.cli.plan import Duration, print_plan
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
 from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
@@ -153,6 +155,17 @@ def test_what_takes_long_is_named_once(monkeypatch, capsys) -> None:
         with note_if_slow("reading big.yaml"):
             time.sleep(lasts_s)
         assert capsys.readouterr().err == said
+
+
+def test_a_log_on_a_full_disk_or_a_closed_stderr_ends_nothing_but_a_reader_who_is_gone(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(sys, "stderr", None)
+    print_stderr("not among what is printed on stdout, such as JSON")
+    assert capsys.readouterr().out == ""
+    monkeypatch.setattr(sys, "stderr", StringIO())
+    monkeypatch.setattr(sys.stderr, "flush", Mock(side_effect=[OSError(errno.ENOSPC, ""), OSError(errno.EPIPE, "")]))
+    print_stderr("lost")
+    with pytest.raises(BrokenPipeError):
+        print_stderr("in vain")
 
 
 def test_ctrl_c_ends_a_long_trial_soon(tmp_path) -> None:

@@ -24,11 +24,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.errors import ClusterError, ExtraError
+from epuck_sim.errors import ClusterError, EpuckSimError, ExtraError
 from epuck_sim.runs.store import Outcome
 from epuck_sim.scenario.loader import Point, load_scenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep import cluster, worker
+from epuck_sim.sweep import cluster, scheduler, worker
 from epuck_sim.sweep.cluster import DaskCluster, SameVersionsExecutor, SchedulerGoneError
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.scheduler import CHUNK_S, ONE_THREAD, Pool, TaskQueue, local_pool, schedule
@@ -267,6 +267,20 @@ def test_workers_load_what_a_simulation_needs_and_run_one_thread_each(tmp_path) 
     assert {"numba", "pymunk", "epuck_sim.embodied.simulation"} <= set(modules)
     assert not UNNEEDED & set(modules)
     assert {environment[name] for name in ONE_THREAD} == {"1"}
+
+
+def _die(_: object) -> None:
+    os._exit(1)
+
+
+def test_workers_that_die_as_they_begin_end_the_run_and_no_trial_is_blamed(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(scheduler, "_begin", _die)
+    with pytest.raises(EpuckSimError, match="workers cannot start: they die as they begin"):
+        run_sweep(short_sweep(tmp_path), tmp_path / "run", workers=2)
+    monkeypatch.setattr(scheduler, "_uninterrupted", Mock(side_effect=EOFError))  # their server has died
+    with pytest.raises(EpuckSimError, match="workers cannot start: they die as they begin"):
+        run_sweep(short_sweep(tmp_path), tmp_path / "run", workers=2)
+    assert stored(tmp_path / "run") == 0
 
 
 def test_all_workers_start_before_one_works_and_an_error_in_the_block_ends_them_and_leaves_the_environment() -> None:
