@@ -263,13 +263,11 @@ def load_python_file(place: Place, error: type[EpuckSimError], more_folders: Seq
     return PythonFile(path, vars(module), importer.sources, importer.modules, error)
 
 
-_at_work: list["_Importer"] = []
+_at_work: list["_Importer"] = []  # which are told of files that are opened to be read
 
 
 @cache
 def _listen() -> None:
-    """Tell importers, as long as they are at work, which files are opened to be read."""
-
     def note(event: str, given: tuple[Any, ...], importers: list["_Importer"] = _at_work) -> None:
         if importers and event == "open" and not (isinstance(given[0], int) or given[2] & (os.O_WRONLY | os.O_RDWR)):
             importers[-1].opened.add(os.fsdecode(given[0]))

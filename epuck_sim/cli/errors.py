@@ -41,7 +41,8 @@ def _message(error: Exception) -> str | None:
     if isinstance(error, OSError):
         if error.errno == errno.EPIPE:  # the reader of the output has closed it
             return None
-        return f"{error.filename or 'the output cannot be written'}: {error.strerror or error}"
+        nameless = "the current folder" if error.errno == errno.ENOENT else "the output cannot be written"
+        return f"{error.filename or nameless}: {error.strerror or error}"
     if isinstance(error, ValueError) and str(error).startswith("Key backend: "):  # as matplotlib is imported
         return f"MPLBACKEND: {error}"
     is_closed = isinstance(error, ValueError | AttributeError) and not all(map(_is_open, (sys.stdout, sys.stderr)))

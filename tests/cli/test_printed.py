@@ -166,6 +166,7 @@ def test_a_log_on_a_full_disk_or_a_closed_stderr_ends_nothing_but_a_reader_who_i
     print_stderr("lost")
     with pytest.raises(BrokenPipeError):
         print_stderr("in vain")
+    assert errors._message(FileNotFoundError(errno.ENOENT, "is gone")) == "the current folder: is gone"
 
 
 def test_ctrl_c_ends_a_long_trial_soon(tmp_path) -> None:
