@@ -8,6 +8,7 @@ import ast
 import hashlib
 import math
 import os
+import re
 import sys
 import traceback
 import warnings
@@ -35,7 +36,7 @@ AS_LOADED = "__as_loaded__"  # name in a loaded module of the fingerprints of it
 MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
 
-NO_DATA = (".py", ".pyc", ".nbc")  # endings of code, and of what is compiled from it
+IS_NO_DATA = re.compile(r"\.py$|(^|/)(\.|__|site-packages/)")  # of paths of code, and of what is hidden or installed
 MOST_NUMBERS = 1_000_000  # most numbers of an array that a robot remembers
 NEAREST = 5  # number of known names that are listed for an unknown one
 OWN_PACKAGE = "epuck-sim"  # name of this package, among those that offer something
@@ -285,10 +286,10 @@ class _Importer(MetaPathFinder, Loader):
         self.opened: set[str] = set()
 
     def data_beside(self, path: Path) -> list[Path]:
-        """Return the files, other than code, that were read and lie beside a file or below its folder, by name."""
+        """Return the data that were read in a file's folder, or below it where nothing is hidden or installed."""
         opened = (Path(name).resolve() for name in sorted(self.opened))
-        own = (file for file in opened if file.is_relative_to(path.parent) and not file.is_relative_to(sys.prefix))
-        return [file for file in own if file.suffix not in NO_DATA and file.is_file()]
+        own = [file for file in opened if path.parent in file.parents and file.is_file()]
+        return [file for file in own if not IS_NO_DATA.search(file.relative_to(path.parent).as_posix())]
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None) -> ModuleSpec | None:  # noqa: ARG002
         return spec_from_file_location(name, self.files[name], loader=self) if name in self.files else None
