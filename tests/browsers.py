@@ -85,11 +85,12 @@ class Driven:
         shot = self._call("Page.captureScreenshot", captureBeyondViewport=False)
         path.write_bytes(base64.b64decode(shot["data"]))
 
-    def set_window(self, width: int, height: int, *, is_dark: bool = False) -> None:
-        """Give the page another window, light or dark."""
+    def set_window(self, width: int, height: int, *, is_dark: bool = False, is_calm: bool = False) -> None:
+        """Give the page another window, light or dark, of somebody who wants little motion or does not care."""
         self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        theme = {"name": "prefers-color-scheme", "value": "dark" if is_dark else "light"}
-        self._call("Emulation.setEmulatedMedia", features=[theme])
+        wants = {"color-scheme": "dark" if is_dark else "light", "reduced-motion": "reduce" if is_calm else ""}
+        features = [{"name": f"prefers-{name}", "value": value} for name, value in wants.items()]
+        self._call("Emulation.setEmulatedMedia", features=features)
 
     def leave(self) -> None:
         """Leave the page, which would draw itself for ever."""

@@ -89,6 +89,7 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
         "max_cached": neighbours.MAX_CACHED,
         "branches": BRANCHES,
         "has_cycles": True,
+        "reference": stop.reference,
         "is_cyclic": scenario.space.boundary == "cyclic",
         "reorients": bool(scenario.agents.reorient_on),
         "sends_every_pulse": "arriving" in scenario.agents.reorient_on,

@@ -78,6 +78,7 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "memory": [_remembered(each) for each in groups],
         "takes_pictures": [each.signal.kind == "camera" and each.camera.frames_per_s is not None for each in groups],
         "sees": [each.signal.kind for each in groups],
+        "infrared": [len(kind.infrared.sensors) if kind.infrared else 0 for kind in scenario.group_kinds],
         "parameters": [fields_of(find_controller(each.controller).parameter_type) for each in groups],
         "memories": [_memory_fields(find_controller(each.controller).memory) for each in groups],
         "cell_cm": cell_cm(scenario.group_kinds),

@@ -35,12 +35,12 @@ SPEED_POINTS = 11  # speeds of the curve of T_sync
 MOST_FREEDOM = 300  # degrees of freedom up to which a page knows Student's distribution
 
 HELP = (
-    "Colours show phases, red marks flashes, and {lines}. Space plays, . takes a step, R begins again, N takes the "
-    "next seed. Click {one} to see what it knows, drag it, or choose with the arrow keys."
+    '<span class="of-phases">Colours show phases. </span>Red marks flashes{lines}. Space plays, “.” takes a step, R '
+    "begins again, N takes the next seed. Click {one} to see what it knows, drag it, or choose with the arrow keys."
 )
 LINES: dict[Model, str] = {
-    "embodied": "lines lead to robots that see them; fans show where cameras look, not how far",
-    "particles": "lines lead to their receivers",
+    "embodied": "; lines lead to robots that see them; fans show where cameras look, not how far",
+    "particles": "; lines lead to their receivers",
 }
 
 
@@ -96,7 +96,8 @@ def make_page(scenario: Scenario, given: str) -> str:
     model: Model = scenario.model
     data = page_data(scenario, given)
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
-    one, cube = data["one"], "; this is a cube seen from above" * (data["facts"].get("dimensions") == 3)
+    one, facts, lines = data["one"], data["facts"], LINES[model] * ("camera" in data["facts"].get("sees", ["camera"]))
+    lines += "; this is a cube seen from above" * (facts.get("dimensions") == 3)
     policy = (
         f"default-src 'none'; script-src {_hash(core)} {_hash(interface)} 'wasm-unsafe-eval' blob:; worker-src blob:; "
         f"style-src {_hash(style)}; base-uri 'none'; form-action 'none'"
@@ -107,9 +108,9 @@ def make_page(scenario: Scenario, given: str) -> str:
         "TITLE": escape(f"{scenario.name}: a swarm to play with"),
         "NAME": escape(scenario.name),
         "DESCRIPTION": escape(scenario.description),
-        "HELP": HELP.format(lines=LINES[model] + cube, one=f"an {one}" if one == "agent" else f"a {one}"),
+        "HELP": HELP.format(lines=lines, one=f"an {one}" if one == "agent" else f"a {one}"),
         "ONE": one,
-        "REFERENCE": f"{one} {data['facts'].get('reference', 0)}",
+        "REFERENCE": f"{one} {facts['reference']}",
         "SWEEP": "" if data["speed"] else "hidden",
         "GIVEN": escape(data["given"]),
         "COMMAND": "" if given else "hidden",

@@ -155,6 +155,7 @@ def test_commands_write_a_page_and_say_where_or_open_it_and_notebooks_show_it(mo
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
     assert f"epuck-sim page '{scenario}' --set space.dimensions=3 --set KEY=VALUE" in unescape(path.read_text())
     assert "lines lead to their receivers; this is a cube seen from above. Space plays" in path.read_text()
+    assert "Cycles of agent 3<" in make_page(load_scenario("particles", ["stop.reference=3"]), "")
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.setattr("epuck_sim.util.cache_folder.cache_root", lambda: tmp_path)
@@ -195,11 +196,25 @@ def test_a_page_opens_from_disk_without_network_and_without_complaint(opened, na
 @pytest.mark.parametrize("width", [360, 1200])
 def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: Driven, opened, width: int) -> None:
     browser.set_window(width, 900, is_dark=width == 360)
-    opened("thesis")
+    opened("thesis").run(f"page.say('Not taken from the link: {'x' * 400}')")
     assert browser.run("document.documentElement.scrollWidth") <= width
     nameless = """[...document.querySelectorAll('button, input, select, canvas')].filter(
       (each) => !(each.textContent.trim() || each.labels?.length || each.ariaLabel || each.closest('figure')))"""
     assert browser.run(f"{nameless}.map((each) => each.outerHTML)") == []
+    phases = "[NaN, ...Array(60).keys()].map((each) => [phaseColour(each / 60, c), '#1d2126'])"
+    pairs = f"[[c.amber, c.box], [c.faint, c.paper], ...{phases}]"
+    as_hex = "(colour) => ((pen.fillStyle = colour), pen.fillStyle)"
+    given = "colours(), document.createElement('canvas').getContext('2d')"
+    found = browser.run(f"((c, pen) => {pairs}.map((pair) => pair.map({as_hex})))({given})")
+    assert all(contrast(*pair) >= 4.5 for pair in found)
+
+
+def contrast(*colours: str) -> float:
+    """Return the contrast of two colours, `#rrggbb`, as WCAG defines it."""
+    parts = np.array([[int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)] for colour in colours])
+    linear = np.where(parts > 0.04045, ((parts + 0.055) / 1.055) ** 2.4, parts / 12.92)
+    low, high = sorted(linear @ [0.2126, 0.7152, 0.0722] + 0.05)
+    return float(high / low)
 
 
 @needs_browser
@@ -207,6 +222,18 @@ def test_robots_without_oscillators_have_no_cycles_and_seeds_or_robots_that_are_
     browser = opened("wall")
     seen = "[find('many').hidden, find('counted').hidden, find('sliders').textContent.includes('cycles')]"
     assert browser.run(seen) == [True, True, False]
+    seen = (
+        "[...document.querySelectorAll('#readings :is(dd, canvas, button)')].filter((each) => each.checkVisibility())"
+    )
+    seen = f"page.draw(), {seen}.map((each) => each.id || each.textContent)"
+    assert browser.run(seen) == [
+        "time",
+        "eye",
+        "bars",
+        "Switch its ring off",
+    ]  # of its robot, but no phases and flashes
+    found = opened("kilobots").run(f"page.chosen = 1, page.show_one(), {seen}")  # without cameras and proximity sensors
+    assert found[3:] == ["orders", "phases", "flashes", "Push its phase", "Switch its ring off"]
     for name, changes in (("wall", []), ("thesis", ["stop.order_parameter=null", "stop.max_cycles=3"])):
         opened(name, changes).run("page.advance(1e9)")
         assert browser.run("find('banner').textContent").startswith("Ended after ")
@@ -323,6 +350,11 @@ def test_rings_that_are_switched_off_are_lit_again_in_the_next_trial_and_are_nam
     for who in (3, 2):
         browser.run(f"page.chosen = {who}; page.show_one(); page.draw()")
         assert browser.run(f"{press}.textContent") == f"Switch its ring {'on' if who == 2 else 'off'}"
+    browser.set_window(1200, 900, is_calm=True)
+    flashes = "page.shown().picture.is_lit !== null"
+    found = browser.run(f"[15, 16].map((rate) => (page.rate = rate, {flashes}))")
+    assert found == [True, False]  # for those who want little motion: three flashes a second, not more
+    browser.set_window(1200, 900)
     browser.run("page.advance(30)")
     assert 2 not in browser.run("page.flashes.map(([, robot]) => robot)")
     browser.run("find('again').click(); page.advance(1e9)")
@@ -344,6 +376,9 @@ def test_play_goes_on_beyond_synchrony_where_all_flash_together(opened, name: st
     assert cycles + 4 <= browser.run("page.swarm.cycles") <= cycles + 9
     assert len({who for _, who in browser.run("page.flashes")}) == browser.run("page.swarm.count")
     assert browser.run("find('banner').textContent") == said
+    browser.run("page.advance(3500 * page.swarm.period_s)")
+    gaps = "page.orders.slice(1).map(([time], each) => time - page.orders[each][0])"
+    assert browser.run(f"(Math.max(...{gaps}) / page.swarm.period_s)") < 2  # from the beginning on
     browser.run("page.begin()")
     assert browser.run("[page.swarm.cycles, page.swarm.goes_on, find('banner').textContent]") == [0, False, ""]
 

@@ -97,7 +97,7 @@ function colours() {
 
 /** Return the colour of a phase, from 0 to 1 round the circle of colours; grey if there is no phase. @param {number} phase @param {Colours} colour */
 function phaseColour(phase, colour) {
-  return Number.isNaN(phase) ? colour.faint : `hsl(${(5 + 360 * phase) % 360}, 58%, ${colour.light})`;
+  return `hsl(${(5 + 360 * (phase || 0)) % 360}, ${Number.isNaN(phase) ? 0 : 58}%, ${colour.light})`;
 }
 
 /** @typedef {{width: number, height: number, floor: number[][], circles: number[][], polygons: number[][][], lamps: number[][], radii: Float64Array | null}} Place the arena, cm; points have no radii; boxes of the floor are in shares of its sides */
@@ -105,7 +105,7 @@ function phaseColour(phase, colour) {
 
 /** Draw the arena from above; y goes up. @param {CanvasPen | SvgPen} pen @param {Place} place @param {Shown} shown @param {Colours} colour */
 function drawArena(pen, place, shown, colour) {
-  const { picture, glow, links, chosen, cones } = shown, margin = 3;
+  const { picture, glow, links, chosen, cones } = shown, margin = place.radii ? 3 : MOST_SMALL + 1; // points may stand on the rim
   const scale = Math.min((pen.width - 2 * margin) / place.width, (pen.height - 2 * margin) / place.height);
   const left = (pen.width - scale * place.width) / 2, low = (pen.height + scale * place.height) / 2;
   const at = (/** @type {number} */ x, /** @type {number} */ y) => [left + scale * x, low - scale * y];
@@ -128,7 +128,7 @@ function drawArena(pen, place, shown, colour) {
   }
   for (const [from, to, alpha] of links)
     pen.path([at(picture.x[from], picture.y[from]), at(picture.x[to], picture.y[to])], { stroke: colour.lit, width: 2, alpha });
-  const size = place.radii ? scale * Math.max(...place.radii) : Math.min(9, Math.max(3.5, pen.width / (12 * Math.sqrt(picture.x.length) + 30)));
+  const size = place.radii ? scale * Math.max(...place.radii) : Math.min(MOST_SMALL, Math.max(3.5, pen.width / (12 * Math.sqrt(picture.x.length) + 30)));
   const sizeOf = (/** @type {number} */ agent) => (place.radii ? scale * place.radii[agent] : size);
   const isLit = (/** @type {number} */ agent) => (picture.is_lit ? picture.is_lit[agent] === 1 : glow[agent] > 0.4);
   glow.forEach((light, agent) => {
@@ -204,7 +204,10 @@ function drawAxes(pen, { x, y, log = false, xLabel = "", yLabel = "", bare = fal
 function drawOrders(pen, orders, least, threshold, colour) {
   const end = Math.max(orders.length ? orders[orders.length - 1][0] : 0, least);
   const { placeX, placeY, left, right } = drawAxes(pen, { x: [0, end], y: [0, 1] }, colour);
-  if (threshold) pen.path([[left, placeY(threshold)], [right, placeY(threshold)]], { stroke: colour.amber, dash: 4 });
+  if (threshold) {
+    pen.path([[left, placeY(threshold)], [right, placeY(threshold)]], { stroke: colour.amber, dash: 4 });
+    pen.text(left + 4, placeY(threshold) + 8, "synchronised", { fill: colour.amber, align: "left" });
+  }
   pen.path(orders.map(([time, order]) => [placeX(time), placeY(order)]), { stroke: colour.deep, width: 1.75 });
 }
 

@@ -13,6 +13,8 @@ const SWEEP_CYCLES = 2000;
 const FADES_MS = [50, 350];
 /** Largest number of agents for which links are drawn. */
 const MOST_LINKED = 200;
+/** Most flashes a second for those who want little motion: more may harm. */
+const MOST_FLASHES_A_S = 3;
 /** Note on figures of trials with other settings, or another seed, than the present ones. */
 const OUTDATED = " With earlier settings.";
 
@@ -50,6 +52,9 @@ class Page {
     for (const id of ["many", "csv"]) find(id).hidden = !this.has_t_sync;
     this.listen();
     this.begin();
+    this.has_phases = this.swarm.oscillators?.length !== 0; // agents always have
+    for (const each of document.querySelectorAll(".of-phases")) /** @type {any} */ (each).hidden = !this.has_phases;
+    if (!this.has_phases) [this.chosen] = [0], this.show_one(); // there is nothing else to see
     requestAnimationFrame((now) => this.picture(now));
   }
 
@@ -72,15 +77,16 @@ class Page {
     this.swarm = swarm;
     this.flashes = /** @type {number[][]} */ ([]);
     this.orders = /** @type {number[][]} */ ([]);
+    this.order_gap_s = 0;
     this.links = /** @type {Map<string, number[]>} */ (new Map());
     this.glow = new Float64Array(this.swarm.count);
     this.is_touched = false;
-    find("copied").textContent = "The command runs the same trial.";
+    find("copied").textContent = this.data.given && "The command runs the same trial.";
     if (this.chosen >= this.swarm.count) this.chosen = -1;
     const refused = this.refused.splice(0).join(", ");
     this.say(refused && `Not taken from the link: ${refused}`);
-    this.show_one();
     this.note_order();
+    this.show_one();
     this.write_address();
   }
 
@@ -127,9 +133,12 @@ class Page {
   }
 
   note_order() {
-    const { phases } = (this.seen = this.swarm.look());
-    this.orders.push([this.swarm.time_s, meanPhase(phases.filter((/** @type {number} */ phase) => !Number.isNaN(phase))).order]);
-    if (this.orders.length > 3000) this.orders = this.orders.filter((/** @type {any} */ _, /** @type {number} */ each) => each % 2 === 0);
+    const { phases } = (this.seen = this.swarm.look()), { time_s } = this.swarm, /** @type {number[][]} */ orders = this.orders;
+    this.order = meanPhase(phases.filter((/** @type {number} */ phase) => !Number.isNaN(phase))).order;
+    if (orders.length && time_s < orders[orders.length - 1][0] + this.order_gap_s) return;
+    if (orders.push([time_s, this.order]) <= 3000) return;
+    this.orders = orders.filter((/** @type {number[]} */ _, /** @type {number} */ each) => each % 2 === 0);
+    this.order_gap_s = (0.999 * time_s) / this.orders.length; // the beginning becomes no coarser than the end
   }
 
   end() {
@@ -172,10 +181,11 @@ class Page {
     drawOrders(new CanvasPen(find("orders")), this.orders, span, threshold && threshold < 0.9999 ? threshold : 0, colour);
     drawPhases(new CanvasPen(find("phases")), seen.phases, colour);
     drawFlashes(new CanvasPen(find("flashes")), this.flashes, swarm.count, [end - span, end], this.chosen, colour);
-    const order = this.orders[this.orders.length - 1][1].toFixed(3);
+    const order = this.order.toFixed(3);
     find("time").textContent = `${swarm.time_s.toFixed(1)} s`;
     find("cycles").textContent = swarm.cycles;
-    find("order").textContent = Number.isNaN(seen.phases[0]) && order === "0.000" ? "–" : order;
+    find("order").textContent = order;
+    find("flashes").parentElement.hidden = !this.has_phases && !this.flashes.length;
     find("orders").ariaLabel = `Order parameter ${order}`;
     if (this.chosen >= 0) this.draw_one(colour);
   }
@@ -201,7 +211,10 @@ class Page {
         if (swarm.count <= 20 || robot === chosen) cones.push({ robot, half, reach: ranges_cm[number] ?? Math.min(width, height) / 3 });
       }
     } else if (swarm.receivers && chosen >= 0) for (const other of swarm.receivers(chosen)) links.push([chosen, other, 0.8]);
-    return { picture: seen, glow, links: /** @type {any} */ (links), chosen, cones };
+    if (this.rate <= MOST_FLASHES_A_S * swarm.period_s || !matchMedia("(prefers-reduced-motion: reduce)").matches)
+      return { picture: seen, glow, links: /** @type {any} */ (links), chosen, cones };
+    const dark = new Float64Array(swarm.count), picture = { ...seen, phases: seen.phases.map(() => NaN), is_lit: null };
+    return { picture, glow: dark, links: [], chosen, cones };
   }
 
   /** Return links to the robots whose rings a camera sees: lit ones in the direction of pixels that are set. @param {number} robot @param {number} half */
@@ -227,11 +240,11 @@ class Page {
       find("facts").textContent = `Phase ${phase.toFixed(3)}; agents that its pulse would reach now: ${swarm.receivers(chosen).length}`;
       return;
     }
-    const eye = new CanvasPen(find("eye")), pixels = swarm.camera(chosen), wide = eye.width / pixels.length;
+    const eye = find("eye") && new CanvasPen(find("eye")), pixels = swarm.camera(chosen), wide = eye?.width / pixels.length;
     pixels.forEach((/** @type {number} */ lit, /** @type {number} */ each) =>
-      eye.path([[each * wide, 0], [(each + 1) * wide, 0], [(each + 1) * wide, eye.height], [each * wide, eye.height]], { fill: lit ? colour.lit : colour.floor, stroke: colour.rule, width: 0.5 }, true));
-    const bars = new CanvasPen(find("bars")), step = bars.width / 8;
-    swarm.infrared(chosen).forEach((/** @type {number} */ counts, /** @type {number} */ each) => {
+      eye?.path([[each * wide, 0], [(each + 1) * wide, 0], [(each + 1) * wide, eye.height], [each * wide, eye.height]], { fill: lit ? colour.lit : colour.floor, stroke: colour.rule, width: 0.5 }, true));
+    const bars = find("bars") && new CanvasPen(find("bars")), sensors = this.data.facts.infrared[swarm.group_of(chosen).number], step = bars?.width / sensors;
+    swarm.infrared(chosen).subarray(0, sensors).forEach((/** @type {number} */ counts, /** @type {number} */ each) => {
       const high = Math.sqrt(Math.max(0, Math.min(1, counts / 3500))) * (bars.height - 18), low = bars.height - 16;
       bars.path([[each * step + 3, low], [(each + 1) * step - 3, low], [(each + 1) * step - 3, low - high], [each * step + 3, low - high]], { fill: colour.amber }, true);
       bars.text((each + 0.5) * step, bars.height - 7, `${Math.round(counts)}`, { fill: colour.faint, size: 10 });
@@ -248,24 +261,25 @@ class Page {
     push.onclick = () => this.touch(() => swarm.push(chosen, 0.2));
     dark.onclick = () => this.touch(() => (swarm.dark.delete(chosen) || swarm.dark.add(chosen), name()));
     name();
-    const parts = [tag("h3", `${this.data.one[0].toUpperCase()}${this.data.one.slice(1)} ${chosen}`)];
+    const facts = tag("p", "", "note"), row = tag("p", "", "row"), parts = [facts, row];
     if (swarm.camera) {
-      const [eye, bars] = [tag("canvas", ""), tag("canvas", "")];
-      Object.assign(eye, { id: "eye", role: "img", ariaLabel: "Pixels of its camera, from the left" });
-      Object.assign(bars, { id: "bars", role: "img", className: "bars", ariaLabel: "Readings of its eight proximity sensors" });
-      parts.push(tag("span", "Its camera, from the left; and its eight infrared sensors, counts", "note"), eye, bars);
+      const { number } = swarm.group_of(chosen), { sees, infrared } = this.data.facts;
+      const add = (/** @type {string} */ id, /** @type {string} */ ariaLabel) =>
+        parts.unshift(tag("span", ariaLabel, "note"), Object.assign(tag("canvas", ""), { id, role: "img", ariaLabel }));
+      if (infrared[number]) add("bars", "Its infrared sensors, counts");
+      if (sees[number].endsWith("camera")) add("eye", "Its camera's pixels, from the left");
     }
-    const facts = tag("p", "", "note"), row = tag("p", "", "row");
     facts.id = "facts";
-    row.append(push, ...(swarm.dark ? [dark] : []));
-    panel.replaceChildren(...parts, facts, row);
+    row.append(...(Number.isNaN(this.seen.phases[chosen]) ? [] : [push]), ...(swarm.dark ? [dark] : []));
+    find("who").textContent = `${this.data.one[0].toUpperCase()}${this.data.one.slice(1)} ${chosen}`;
+    find("known").replaceChildren(...parts);
   }
 
   /** Change the swarm in a way that no command can. @param {() => void} what */
   touch(what) {
     what();
     this.is_touched = true;
-    find("copied").textContent = "The command runs this trial without what you have changed by hand.";
+    find("copied").textContent = this.data.given && "The command runs this trial without what you have changed by hand.";
     this.seen = this.swarm.look();
   }
 
@@ -493,7 +507,7 @@ class Page {
   listen() {
     const rate = find("rate"), set = () => {
       this.rate = RATES[rate.value];
-      find("rate-is").textContent = `${this.rate} ×`;
+      find("rate-is").textContent = `× ${this.rate}`;
       rate.setAttribute("aria-valuetext", `${this.rate} times real time`);
     };
     Object.assign(rate, { max: RATES.length - 1, value: RATES.indexOf(this.data.facts.swarms ? 5 : 1), oninput: set });
