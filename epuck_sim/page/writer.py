@@ -34,10 +34,6 @@ INTERFACE = ("draw.js", "page.js")
 SPEED_POINTS = 11  # speeds of the curve of T_sync
 MOST_FREEDOM = 300  # degrees of freedom up to which a page knows Student's distribution
 
-HELP = (
-    '<span class="of-phases">Colours show phases. </span>Red marks flashes{lines}. Space plays, “.” takes a step, R '
-    "begins again, N takes the next seed. Click {one} to see what it knows, drag it, or choose with the arrow keys."
-)
 LINES: dict[Model, str] = {
     "embodied": "; lines lead to robots that see them; fans show where cameras look, not how far",
     "particles": "; lines lead to their receivers",
@@ -108,7 +104,7 @@ def make_page(scenario: Scenario, given: str) -> str:
         "TITLE": escape(f"{scenario.name}: a swarm to play with"),
         "NAME": escape(scenario.name),
         "DESCRIPTION": escape(scenario.description),
-        "HELP": HELP.format(lines=lines, one=f"an {one}" if one == "agent" else f"a {one}"),
+        "LINES": lines,
         "ONE": one,
         "REFERENCE": f"{one} {facts['reference']}",
         "SWEEP": "" if data["speed"] else "hidden",
