@@ -216,8 +216,11 @@ function drawFlashes(pen, flashes, count, times, chosen, colour) {
   const { placeX, placeY, left, right } = drawAxes(pen, { x: times, y: [count, 0], bare: true }, colour), high = Math.max(1.5, Math.min(14, (pen.height - 28) / count) - 1);
   if (high > MOST_SMALL) for (let agent = 0; agent < count; agent++) pen.text(2, placeY(agent + 0.5), `${agent}`, { fill: colour.faint, align: "left" });
   if (chosen >= 0) pen.path([[left, placeY(chosen + 0.5)], [right, placeY(chosen + 0.5)]], { stroke: colour.rule, width: high });
-  for (const [time, agent] of flashes)
-    if (time >= times[0]) pen.path([[placeX(time), placeY(agent + 0.5) - high / 2], [placeX(time), placeY(agent + 0.5) + high / 2]], { stroke: agent === chosen ? colour.deep : colour.lit, width: 2 });
+  for (const [time, agent] of flashes) {
+    if (time < times[0]) continue;
+    pen.g.fillStyle = agent === chosen ? colour.deep : colour.lit;
+    pen.g.fillRect(placeX(time) - 1, placeY(agent + 0.5) - high / 2, 2, high); // of thousands, paths would take three times as long
+  }
 }
 
 /** Draw phases on a circle, 0 at the top, and their mean. @param {CanvasPen} pen @param {Float64Array} phases @param {Colours} colour */

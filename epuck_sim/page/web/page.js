@@ -178,7 +178,7 @@ class Page {
     const { swarm, data, seen } = this, colour = colours(), threshold = data.facts.order_parameter;
     this.scale = drawArena(new CanvasPen(find("arena")), this.place(), this.shown(), colour);
     const span = RASTER_PERIODS * swarm.period_s, end = Math.max(span, swarm.time_s);
-    drawOrders(new CanvasPen(find("orders")), this.orders, span, threshold && threshold < 0.9999 ? threshold : 0, colour);
+    drawOrders(new CanvasPen(find("orders")), this.orders, span, this.has_t_sync && threshold < 0.9999 ? threshold : 0, colour);
     drawPhases(new CanvasPen(find("phases")), seen.phases, colour);
     drawFlashes(new CanvasPen(find("flashes")), this.flashes, swarm.count, [end - span, end], this.chosen, colour);
     const order = this.order.toFixed(3);
