@@ -90,6 +90,7 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
         "branches": BRANCHES,
         "has_cycles": True,
         "reference": stop.reference,
+        "metric": stop.metric,
         "is_cyclic": scenario.space.boundary == "cyclic",
         "reorients": bool(scenario.agents.reorient_on),
         "sends_every_pulse": "arriving" in scenario.agents.reorient_on,

@@ -440,6 +440,17 @@ def test_trials_end_as_the_programs_do_to_the_bit(opened, kind: str, name: str) 
     assert opened(scenario).run(f"({TRIALS})(page.values, {json.dumps([*seeds])})") == ended(scenario, seeds)
 
 
+@needs_browser
+@pytest.mark.parametrize(("name", "changes"), [("thesis", ["robots.0.parameters.delay_ms=370"]), ("particles", [])])
+def test_order_relative_to_the_reference_is_measured_and_shown_so(opened, name: str, changes: list[str]) -> None:
+    changes = [*changes, "stop.metric=reference", "stop.max_cycles=12"]
+    browser, scenario = opened(name, changes), load_scenario(name, changes)
+    found = browser.run(f"({TRIALS})(page.values, [11, 12])")
+    assert found == ended(scenario, range(11, 13))
+    shown = browser.run("page.take_seed(12n), page.advance(1e9), page.draw(), page.order")
+    assert shown == pytest.approx(found[1][2])
+
+
 GOLDEN_FILES = Path(__file__).parents[1] / "golden_files"
 OWN_FILES = {
     "turner.py": """

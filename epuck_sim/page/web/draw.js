@@ -203,7 +203,7 @@ function drawAxes(pen, { x, y, log = false, xLabel = "", yLabel = "", bare = fal
 /** Draw the order parameter against time. @param {CanvasPen} pen @param {number[][]} orders @param {number} least time that is shown @param {number} threshold @param {Colours} colour */
 function drawOrders(pen, orders, least, threshold, colour) {
   const end = Math.max(orders.length ? orders[orders.length - 1][0] : 0, least);
-  const { placeX, placeY, left, right } = drawAxes(pen, { x: [0, end], y: [0, 1] }, colour);
+  const { placeX, placeY, left, right } = drawAxes(pen, { x: [0, end], y: [orders.some(([, order]) => order < 0) ? -1 : 0, 1] }, colour); // cosines may be below 0
   if (threshold) {
     pen.path([[left, placeY(threshold)], [right, placeY(threshold)]], { stroke: colour.amber, dash: 4 });
     pen.text(left + 4, placeY(threshold) + 8, "synchronised", { fill: colour.amber, align: "left" });

@@ -134,7 +134,8 @@ class Page {
 
   note_order() {
     const { phases } = (this.seen = this.swarm.look()), { time_s } = this.swarm, /** @type {number[][]} */ orders = this.orders;
-    this.order = meanPhase(phases.filter((/** @type {number} */ phase) => !Number.isNaN(phase))).order;
+    const { metric, reference } = this.data.facts, mean = meanPhase(phases.filter((/** @type {number} */ phase) => !Number.isNaN(phase)));
+    this.order = mean.order * (metric === "reference" ? Math.cos(2 * Math.PI * (mean.phase - (phases[reference] || 0))) : 1);
     if (orders.length && time_s < orders[orders.length - 1][0] + this.order_gap_s) return;
     if (orders.push([time_s, this.order]) <= 3000) return;
     this.orders = orders.filter((/** @type {number[]} */ _, /** @type {number} */ each) => each % 2 === 0);

@@ -146,7 +146,7 @@ class Robots {
         this.oscillators.push({ robot: group.first + member, at: group.memory + member * group.size + phase[0], kind: phase[1], period: length });
     });
     this.sums = this.kernels.take(16 + 8 * this.oscillators.length);
-    const reference = this.oscillators.find((each) => each.robot === facts.reference);
+    const reference = (this.reference = this.oscillators.find((each) => each.robot === facts.reference));
     this.measures = reference !== undefined;
     const period = reference ? reference.period : facts.nominal_period_ms;
     this.steps_a_cycle = facts.nominal_period_ms / step_ms;
@@ -226,7 +226,9 @@ class Robots {
   /** Return the order parameter now. */
   measure() {
     const { kernels, oscillators, sums } = this, count = oscillators.length, { buffer } = kernels.memory;
-    const angles = oscillators.map(({ at, kind, period }) => (2 * Math.PI * this.block.read(at, kind)) / period);
+    const phase = (/** @type {{at: number, kind: string}} */ { at, kind }) => this.block.read(at, kind);
+    const own = this.reference && this.facts.metric === "reference" ? phase(this.reference) / this.reference.period : 0;
+    const angles = oscillators.map((each) => (2 * Math.PI * (phase(each) - own * each.period)) / each.period);
     const found = new Float64Array(buffer, sums, 2);
     found.fill(0);
     new Float64Array(buffer, sums + 16, count).set(angles);
