@@ -201,7 +201,7 @@ def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: D
     nameless = """[...document.querySelectorAll('button, input, select, canvas')].filter(
       (each) => !(each.textContent.trim() || each.labels?.length || each.ariaLabel || each.closest('figure')))"""
     assert browser.run(f"{nameless}.map((each) => each.outerHTML)") == []
-    phases = "[NaN, ...Array(60).keys()].map((each) => [phaseColour(each / 60, c), '#1d2126'])"
+    phases = "[NaN, ...Array(60).keys()].map((each) => [phaseColour(each / 60, c), ON_PHASE])"
     pairs = f"[[c.amber, c.box], [c.faint, c.paper], ...{phases}]"
     as_hex = "(colour) => ((pen.fillStyle = colour), pen.fillStyle)"
     given = "colours(), document.createElement('canvas').getContext('2d')"

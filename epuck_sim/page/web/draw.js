@@ -6,6 +6,8 @@
 
 /** Largest radius, in pixels, of robots and agents without their numbers. */
 const MOST_SMALL = 9;
+/** Colour of what is drawn on the colour of a phase, which is bright, be the page light or dark. */
+const ON_PHASE = "#1d2126";
 
 /** Draws on a canvas, as sharp as the screen. */
 class CanvasPen {
@@ -139,8 +141,8 @@ function drawArena(pen, place, shown, colour) {
     const [x, y] = at(picture.x[agent], picture.y[agent]), heading = picture.heading[agent], wide = sizeOf(agent);
     pen.circle(x, y, wide, { fill: phaseColour(picture.phases[agent], colour), stroke: isLit(agent) ? colour.lit : colour.ink, width: isLit(agent) ? 3 : 1 });
     const inner = wide > MOST_SMALL ? 0.6 * wide : 0, ends = [inner, wide].map((far) => [x + far * Math.cos(heading), y - far * Math.sin(heading)]);
-    pen.path(ends, { stroke: colour.ink, width: Math.max(1, wide / 6) });
-    if (inner) pen.text(x, y, `${agent}`, { fill: "#1d2126", size: 0.65 * wide });
+    pen.path(ends, { stroke: ON_PHASE, width: Math.max(1, wide / 6) });
+    if (inner) pen.text(x, y, `${agent}`, { fill: ON_PHASE, size: 0.65 * wide });
     if (agent === chosen) pen.circle(x, y, wide + 4, { stroke: colour.deep, width: 2 });
   }
   return { scale, left, low, size };
