@@ -33,6 +33,7 @@ from epuck_sim.util.native import address_of
 from epuck_sim.util.seeds import seed_words
 
 NEVER: Moment = (math.inf, 0.0)  # later than any moment of a trial
+NEARLY_NEVER = 2**30  # periods to the next firing, from which on all oscillators are frozen
 UNLIMITED = 2**62  # larger than any count or cycle number
 
 SHIFTS_ONLY = 50
@@ -62,7 +63,7 @@ def _number(name: str, text: str) -> property:
 
 
 class ParticleSimulation:
-    """Point-like agents and their oscillators; iteration goes from event to event, without end.
+    """Point-like agents and their oscillators; iteration goes from event to event, as long as there are any.
 
     >>> simulation = ParticleSimulation("particles", seed=1)
     >>> event = next(event for event in simulation if len(event.fired))
@@ -161,12 +162,19 @@ class ParticleSimulation:
         return self
 
     def __next__(self) -> Event:
-        """Simulate up to the next event and return it."""
+        """Simulate up to the next event and return it.
+
+        Raises:
+            StopIteration: No event will come: all oscillators are frozen for ever, and all agents stand still.
+        """
         if self._is_changed or (self.next_change != NEVER and self._is_change_next()):
             if not self._is_changed:
                 self._carry_out_timed()
             self._is_changed = False
             return Event(self.time_s, None, NOBODY, NOBODY)
+        is_frozen = bool(self.scenario.faults) and self.next_firing[0] - self.period > NEARLY_NEVER
+        if is_frozen and np.isinf(self._arrays.end_cycle).all():  # nobody reaches a wall or the end of a run
+            raise StopIteration
         turned = turn_if_next(self._arrays.block, self._addresses)
         if turned >= 0:
             return Event(self.time_s, turned, NOBODY, NOBODY)

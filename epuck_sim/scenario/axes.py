@@ -127,11 +127,12 @@ def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels
 
 
 def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
-    """Check that all keys that a scenario's section `figure` names are axes of its sweep."""
-    if figure.x is None and figure.y is None and figure.panels is None and not figure.base_case:
+    """Check that all keys that a scenario's section `figure` names are axes of its sweep, and that a map has two."""
+    is_map = figure.form == "map" and bool(rows[0])  # without a sweep, none is drawn
+    if figure.x is None and figure.y is None and figure.panels is None and not (figure.base_case or is_map):
         return
     x = choose_axis(rows, figure.x, "figure.x", by_name=figure.form != "map")
-    if figure.y is not None:
+    if figure.y is not None or (is_map and not _untied(numeric_axes(rows), rows, x)):
         choose_second_axis(rows, x, figure.y, "figure.y")
     check_panels(rows, x, figure.panels, "figure.panels")
     for key, value in figure.base_case.items():

@@ -26,6 +26,7 @@ def _reject_bool(value: object) -> object:
 
 Number = Annotated[float, BeforeValidator(_reject_bool)]
 WholeNumber = Annotated[int, BeforeValidator(_reject_bool)]
+MOST_TOLD = 10  # most mistakes in a file that are told one by one
 LARGEST = 1e6  # largest number that keys without a limit of their own may have
 
 Positive = Annotated[Number, Field(gt=0, le=LARGEST)]
@@ -227,9 +228,14 @@ def problems_in(
 ) -> Iterator[tuple[str, str]]:
     """Yield the dotted key and the message of each error in a section of class `kind`.
 
-    An unknown key may be meant as one of `keys`, or belong to another model, whose class is one of `others`.
+    An unknown key may be meant as one of `keys`, or belong to another model, whose class is one of `others`. After
+    `MOST_TOLD` errors comes, without a key, how many more there are.
     """
-    for detail in error.errors():
+    details = error.errors()
+    for number, detail in enumerate(details):
+        if number == MOST_TOLD:
+            yield "", f"and {len(details) - number:,} more"
+            return
         given, wrong, context = detail["input"], detail["type"], detail.get("ctx", {})
         if wrong == "too_short" and len(given) >= context["min_length"]:  # pydantic leaves wrong elements out
             continue

@@ -4,6 +4,7 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -176,7 +177,7 @@ class EmbodiedScenario(Scenario):
         """Raise ValueError for numbers of robots, or of groups, that there are not, or that do not fit."""
         reference = self.stop.reference_robot
         check_range("stop.reference_robot", reference, 0, self.population - 1)
-        check_changes(self.faults, self.schedule, "robot", self.population)
+        check_changes(self.drawn_faults, self.schedule, "robot", self.population)
         self._check_faults()
         for number, entry in enumerate(self.schedule):
             origin = f"schedule.{number}"
@@ -205,6 +206,19 @@ class EmbodiedScenario(Scenario):
                 is_named = fault.robots is not None and concerns(fault.robots, robots)
                 if fault.kind == "sensor_dead" and is_named and fault.sensor not in group.sensors:
                     raise ValueError(f"{where}: names robots of robots.{place}, which has no sensor {fault.sensor}")
+
+    @property
+    def drawn_faults(self) -> tuple[AnyFault, ...]:
+        """The faults with those that may have them: for a dead sensor only robots that have it."""
+        return tuple(
+            fault.model_copy(update={"robots": self._owners(fault.sensor)})
+            if fault.kind == "sensor_dead" and fault.robots is None
+            else fault
+            for fault in self.faults
+        )
+
+    def _owners(self, sensor: str) -> tuple[int, ...]:
+        return (*chain(*(robots for _, group, robots in members(self.robots) if sensor in group.sensors)),)
 
     @property
     def group_kinds(self) -> tuple[RobotKind, ...]:

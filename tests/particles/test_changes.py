@@ -314,6 +314,7 @@ def test_clocks_run_at_their_rate_freeze_and_start_anew_and_go_on_as_before():
     frozen.run_to(11)
     assert frozen.phases() == pytest.approx([0.35, 0.35, 0.6, 0.1])
     assert (frozen.periods_s == 1).all()
+    assert len([*make_simulation(**sections, **fault("oscillator_frozen"))]) == 1  # it begins; then nothing can happen
 
 
 def test_pulses_are_neither_sent_nor_received_and_links_of_pulses_say_so():

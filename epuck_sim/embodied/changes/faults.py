@@ -43,7 +43,7 @@ LOGGED_STEPS = 16
 def begin_faults(block: ByteArray, scenario: EmbodiedScenario, seed: int) -> None:
     """Begin a trial with the faults that its seed draws."""
     swarm = open_block(block)
-    restart_faults(swarm.faults, swarm.affected, scenario.faults, seed, start.FAULTS)
+    restart_faults(swarm.faults, swarm.affected, scenario.drawn_faults, seed, start.FAULTS)
     swarm.robots.flash_number, swarm.robots.left_over_ms, swarm.robots.starts_anew_at = 0, 0.0, -1.0
     swarm.scene[0].changes = 0
 

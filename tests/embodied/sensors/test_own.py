@@ -136,6 +136,10 @@ def test_faults_and_schedules_act_on_a_sensor_by_its_name(files):
         assert np.isnan(step.readings["steps"][4])
         assert (step.readings["ground"][2, 0] > 0) == (steps != 5)
     np.testing.assert_allclose(step.readings["ground"][:4, 0], step.poses[:4, 0] / 60)
+    half = {"kind": "sensor_dead", "sensor": "counter", "share": 0.5}
+    simulation = Simulation({**given, "faults": [half], "schedule": []}, 1, interpret=True)
+    simulation.advance(1)
+    assert [(len(event.robots), 4 in event.robots) for event in simulation.events] == [(2, False)]  # of those with it
 
 
 def test_readings_are_in_traces_recordings_notebooks_and_observations_without_another_line(tmp_path):
