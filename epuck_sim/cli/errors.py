@@ -16,7 +16,7 @@ import typer
 from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError, extras_named
 from epuck_sim.util.messages import cut
 
-LONGEST_WORD = 300  # characters of a name or path, beyond which messages cut it
+LONGEST_WORD = 500  # characters of a name or path, beyond which messages cut it
 SLOW_S = 10.0  # seconds after which a note is printed about work without a progress line
 
 

@@ -6,9 +6,11 @@ sensors in files of their own. The names that a controller may read in `sensors`
 
 import ast
 import re
+import warnings
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from functools import lru_cache
+from multiprocessing import parent_process
 from pathlib import Path
 from types import FunctionType, ModuleType
 
@@ -35,6 +37,9 @@ GENERATORS = re.compile(r"random|numpy\.random(\..*)?")
 
 DRAW = "draw by epuck_sim.util.rng.uniform(random)"
 """Advice for controllers and sensors whose random numbers do not follow from the trial's seed."""
+
+CHANGING = re.compile("append|extend|insert|remove|pop|clear|sort|reverse|update|setdefault|popitem|add|discard")
+"""Methods that change lists, dictionaries and sets."""
 
 SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
 """Fields of a robot's record that a sensor sees."""
@@ -85,11 +90,17 @@ def _check_names(
         if definition is not None:
             nodes = [*ast.walk(definition)]
             names = _names_of_arguments(definition, nodes, roles)
-            mistakes = [*_mistakes(nodes, names, known, several, fixed)]
+            mistakes = [*_mistakes(nodes, names, known, several, fixed), *_kept(nodes, function.__globals__, known)]
             if function in (getattr(user, "step", None), getattr(user, "sense", None)):
                 mistakes += _returned(definition)
             for line, said in mistakes:
                 raise ControllerError(f"{code.co_filename}:{line}: {said}")
+            set_names, taken = _assigned(nodes), {each.arg for each in nodes if isinstance(each, ast.arg)}
+            once = {name for name in set_names if set_names.count(name) == 1 and name not in taken}
+            for read in _unset(definition.body, once) if fixed and parent_process() is None else ():
+                said = f"{read.id} may be unset here: then it is 0 compiled, and an error with --interpret"
+                place = f"{code.co_filename}:{read.lineno}"
+                warnings.warn_explicit(f"{place}: {said}; set it before the if", UserWarning, place, read.lineno)
             for node in nodes:
                 if isinstance(node, ast.Call):
                     given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
@@ -116,10 +127,14 @@ def _names_of_arguments(
 ) -> dict[str, str]:
     """Return the roles (sensors, memory and so on) of a function's arguments, by name; not of those assigned to."""
     arguments = [each.arg for each in (*definition.args.posonlyargs, *definition.args.args)]
-    assigned = {each.id for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load)}
     inner = {each.arg for node in definition.body for each in ast.walk(node) if isinstance(each, ast.arg)}
     pairs = zip(arguments, roles, strict=False)
-    return {name: role for name, role in pairs if role and name not in assigned | inner}
+    return {name: role for name, role in pairs if role and name not in inner.union(_assigned(nodes))}
+
+
+def _assigned(nodes: Iterable[ast.AST]) -> list[str]:
+    """Return the names that are set or deleted, each as often as it is."""
+    return [each.id for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load)]
 
 
 def _mistakes(
@@ -131,12 +146,8 @@ def _mistakes(
 ) -> Iterator[tuple[int, str]]:
     """Yield line and message of each mistake in a function; `names` has the roles of its arguments by name."""
     parts = [node for node in nodes if isinstance(node, ast.Attribute | ast.Subscript)]
-    named = (each for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load))
-    given, also_named = Counter(each.id for each in named), dict(names)
-    own = "readings" if "world" in fixed else "memory"
+    given, also_named = Counter(_assigned(nodes)), dict(names)
     for node in nodes:
-        if isinstance(node, ast.Global):
-            yield node.lineno, f"{ast.unparse(node)}: its value would stay from trial to trial; use {own}"
         if isinstance(node, ast.Assign | ast.For):  # of a part of something with a role, to a name that it alone sets
             part, targets = (node.iter, [node.target]) if isinstance(node, ast.For) else (node.value, node.targets)
             if role := also_named.get(_root(part)):
@@ -152,8 +163,37 @@ def _mistakes(
                 said = ast.unparse(node)
                 yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
         if is_set and also_named.get(_root(node)) in fixed:
-            setter, may = ("sensor", "its readings") if own == "readings" else ("controller", "memory and actuators")
+            setter, may = ("sensor", "its readings") if "world" in fixed else ("controller", "memory and actuators")
             yield node.lineno, f"sets {ast.unparse(node)}; a {setter} may set only {may}"
+
+
+def _kept(nodes: Sequence[ast.AST], values: Mapping[str, object], known: Collection[str]) -> Iterator[tuple[int, str]]:
+    """Yield line and message of each change, in a function, of a global value of its file, which has these `values`."""
+    instead = f"its value would stay from trial to trial; use {'readings' if 'world' in known else 'memory'}"
+    own = {*_assigned(nodes), *(each.arg for each in nodes if isinstance(each, ast.arg))}
+    for node in nodes:
+        if isinstance(node, ast.Global):
+            yield node.lineno, f"{ast.unparse(node)}: {instead}"
+        if isinstance(node, ast.Attribute | ast.Subscript) and (root := _root(node)) in values and root not in own:
+            is_called = isinstance(values[root], list | dict | set) and CHANGING.fullmatch(getattr(node, "attr", ""))
+            if is_called or not isinstance(node.ctx, ast.Load):
+                yield node.lineno, f"changes {ast.unparse(node)}: {instead}"
+
+
+def _unset(block: Sequence[ast.stmt], once: Set[str]) -> Iterator[ast.Name]:
+    """Yield reads in statements of names that are set `once` in their function, within an earlier `if` without else."""
+    unsure: set[str] = set()
+    for part in block:
+        nodes = [*ast.walk(part)]
+        read = [*ast.walk(part.test)] if isinstance(part, ast.If) else [] if hasattr(part, "body") else nodes
+        if not any(isinstance(each, ast.IfExp | ast.BoolOp) for each in read):  # which may ask whether it is set
+            yield from (each for each in read if isinstance(each, ast.Name) and each.id in unsure)
+        if isinstance(part, ast.If):
+            yield from (found for inner in (part.body, part.orelse) for found in _unset(inner, once))
+            if not part.orelse:
+                unsure |= once & {*_assigned(nodes)}
+            if any(isinstance(each, ast.Return | ast.Raise | ast.Continue | ast.Break) for each in nodes):
+                unsure.clear()  # the rest may run only where they are set
 
 
 def _returned(definition: ast.FunctionDef) -> Iterator[tuple[int, str]]:
@@ -192,8 +232,7 @@ def _calls(node: ast.AST, hidden: Set[str] | None = None) -> Iterator[tuple[ast.
     """Yield calls, with the names that functions around them take or assign, hiding the file's; None outside of any."""
     if isinstance(node, ast.FunctionDef | ast.Lambda):
         own = [*ast.walk(node)]
-        assigned = {each.id for each in own if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)}
-        hidden = assigned.union(hidden or (), (each.arg for each in own if isinstance(each, ast.arg)))
+        hidden = {*_assigned(own), *(hidden or ()), *(each.arg for each in own if isinstance(each, ast.arg))}
     if isinstance(node, ast.Call):
         yield node, hidden
     for child in ast.iter_child_nodes(node):

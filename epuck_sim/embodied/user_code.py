@@ -61,6 +61,10 @@ class RobotError(ControllerError):
         self.robot = robot
 
 
+def _divide_by_zero(_error: str, _flag: int) -> None:
+    raise ZeroDivisionError("division by zero")  # as compiled code, where numpy has an error of its own
+
+
 class UserCode(ABC):
     """A user's code on robots of a block, which must not move in memory: the controllers of a group, or a sensor."""
 
@@ -100,7 +104,8 @@ class UserCode(ABC):
         kernels = {
             name: bind(each.function, **known) for name, each in self._names.items() if hasattr(each, "function")
         }
-        return np.errstate(divide="raise", invalid="raise")(bind(self._function, **known, **{**self._names, **kernels}))
+        raises = np.errstate(divide="call", invalid="raise", call=_divide_by_zero)
+        return raises(bind(self._function, **known, **{**self._names, **kernels}))
 
     @abstractmethod
     def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:
@@ -120,7 +125,7 @@ class UserCode(ABC):
         place = self._line_again(error, robot) if self._is_compiled else line_of_error(error, self._user.sources)
         if place is None:
             place, error = self._without_line(error, robot)
-        if isinstance(error, FloatingPointError) and "divide" in str(error):  # numpy's of 1 / 0
+        if isinstance(error, FloatingPointError) and "divide" in str(error):  # numpy's of 0 / 0
             error = ZeroDivisionError("division by zero")
         elif type(error) is TypeError and str(error).endswith(", got None"):  # of compiled code
             error = TypeError(f"{error}: a function that it calls has a way without return")

@@ -166,6 +166,13 @@ def test_an_error_that_is_not_met_again_names_the_file_alone(way, tmp_path, monk
         bench.control.step()
 
 
+def test_an_interpreted_controller_catches_a_division_by_0(tmp_path):
+    lines = "try:\n        memory.x = 1 / memory.x\n    except ZeroDivisionError:\n        memory.x = -1.0"
+    bench = Bench(write_controller(tmp_path / "mine.py", with_step(lines)), interpret=True)
+    bench.control.step()
+    assert bench.control.memory["x"][0] == -1
+
+
 @MODES
 def test_an_error_late_in_a_trial_leaves_the_swarm_as_it_found_it(interpret, tmp_path):
     """To find its line, only what failed runs again, on a copy, and from what the robot remembered before."""
