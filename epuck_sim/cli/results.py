@@ -2,6 +2,7 @@
 
 import math
 import re
+from contextlib import closing
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -69,7 +70,8 @@ def summarize(
         title = f"{folder}: {quantity(of, measure_unit(points[0]))}"
         table, found = series_table(title, series), [each.record() for each in series]
     else:
-        summaries = statistics(points or each_point(folder, of, where))
+        with closing(each_point(folder, of, where)) as each:  # else an error's traceback would hold its transaction
+            summaries = statistics(points or each)
         table, found = summaries.table(str(folder)), [each.record() for each in summaries]
     show([table], found, as_json=as_json, as_csv=as_csv)
     _name_failed([folder])

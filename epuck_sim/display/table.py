@@ -115,10 +115,12 @@ class _Column(NamedTuple):
 
 
 def cell_text(cell: Any) -> str:
-    """Return the text of a cell for people.
+    """Return the text of a cell for people; what is below 0.05, as a p-value may be, never seems to reach it.
 
     >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.9996), 2**53, AtMost(0.00123456), None, True)]
     ['44 [29, 67]', '99.96 %', '9007199254740992', '<= 0.00123', '-', 'yes']
+    >>> cell_text(0.04951), cell_text(0.049951), cell_text(0.0499996), cell_text(0.05)
+    ('0.0495', '0.04995', '0.0499996', '0.05')
     """
     if cell is None or isinstance(cell, bool):
         return {None: "-", True: "yes", False: "no"}[cell]
@@ -126,9 +128,11 @@ def cell_text(cell: Any) -> str:
         near_all = f".{-math.floor(math.log10(100 * (1 - cell)))}f" if 0.99 < cell < 1 else ".0f"  # but not all
         return "-" if math.isnan(cell) else f"{100 * cell:{near_all if cell > 0.99 else '.2g'}} %"
     if isinstance(cell, AtMost):
-        return f"<= {significant(cell)}"
+        return f"<= {cell_text(float(cell))}"
     if isinstance(cell, list | tuple) and not isinstance(cell, Estimate):
         return f"{len(cell)} values"
+    if isinstance(cell, float) and significant(cell) == "0.05":
+        return next(text for digits in range(3, 18) if (text := f"{cell:.{digits}g}") != "0.05" or cell >= 0.05)
     return significant(cell) if isinstance(cell, float) else str(cell).replace("\n", r"\n")
 
 

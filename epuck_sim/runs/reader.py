@@ -8,7 +8,7 @@ import json
 import sqlite3
 import sys
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from itertools import repeat, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -115,8 +115,13 @@ def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] 
     return results
 
 
-def each_point(folder: Path | str, of: str | None = None, where: Sequence[str] | None = None) -> Iterator[PointTrials]:
-    """Yield the points that `read_points` returns, one after the other, as all together may not fit into memory."""
+def each_point(
+    folder: Path | str, of: str | None = None, where: Sequence[str] | None = None
+) -> Generator[PointTrials, None, None]:
+    """Yield the points that `read_points` returns, one after the other, as all together may not fit into memory.
+
+    Close it, also after an error: it holds a transaction, which keeps a run from writing.
+    """
     with reading(folder) as connection:
         measured = [*measures_in(connection), T_SYNC_S]
         if of is not None and of not in measured:

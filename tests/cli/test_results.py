@@ -47,6 +47,14 @@ def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_on
     assert [path.name for path in tmp_path.iterdir()] == [target.name]
 
 
+def test_summarize_that_fails_leaves_no_transaction_open(small, monkeypatch) -> None:
+    given = []
+    fails = lambda points: (given.append(points), next(points), 1 / 0)  # noqa: E731
+    monkeypatch.setattr("epuck_sim.statistics.statistic.summarize", fails)
+    assert isinstance(call("summarize", small).exception, ZeroDivisionError)
+    assert given[0].gi_frame is None
+
+
 def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small) -> None:
     before = set(contents(small))
     stdout = called("plot", small)
