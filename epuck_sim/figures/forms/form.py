@@ -21,6 +21,7 @@ from epuck_sim.statistics.statistic import measure, measure_unit, quantity
 from epuck_sim.util.messages import counted
 
 MAX_DOTS = 1000  # largest number of trials at a point that an SVG holds as dots; more of them are a picture in it
+MAX_LIMITS = 3  # largest number of limits of cycles at which there are lines
 
 
 @dataclass(frozen=True)
@@ -148,13 +149,17 @@ def joined(curves: Sequence[Any], name: str) -> Any:
 
 
 def end_scale(panels: Sequence[Axes], curves: Sequence[Curve], top: float) -> None:
-    """Let vertical scales end at the top or below, with a line at the cycle at which all censored trials are."""
-    limits = {each.horizon for curve in curves for each in curve.measured if each.censored}
+    """Let vertical scales end at the top or below, with a line at the cycle at which a curve's censored trials all are.
+
+    There is none where that changes along a curve, or where there are more than `MAX_LIMITS`.
+    """
+    found = [{each.horizon for each in curve.measured if each.censored} for curve in curves]
+    limits = sorted(limit for limit in set().union(*found) if limit <= top)
+    shown = " or ".join(format_tick(each, plain=each < PLAIN[1]) for each in limits)
     for panel in panels:
-        if len(limits) == 1 and min(limits) <= top:
-            shown = format_tick(min(limits), plain=min(limits) < PLAIN[1])
+        for limit in limits if max(map(len, found)) < 2 and len(limits) <= MAX_LIMITS else ():
             label = f"limit: {shown} {curves[0].measured[0].unit}"
-            panel.axhline(min(limits), color=GREY, linestyle=":", label=label)
+            panel.axhline(limit, color=GREY, linestyle=":", label=label)
         panel.set_ylim(top=min(panel.get_ylim()[1], top))
 
 
