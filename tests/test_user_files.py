@@ -115,15 +115,16 @@ def test_a_sweep_s_workers_find_what_packages_offer_and_its_folder_knows_their_f
 def test_a_package_offers_a_robot_with_a_sensor_of_its_own():
     listed = json.loads(called("list", "--json"))
     assert listed["robots"]["rover"] == "a slow robot that looks at the floor (from darkness)"
-    assert listed["sensors"] == {"darkness": "How dark the floor is below the middle of the body. (from darkness)"}
+    said = "How dark the floor is below the middle of the body. {scale: 1.0} (from darkness)"
+    assert listed["sensors"] == {"darkness": said}
     floor = {"patches": [{"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 10, "brightness": 0.25}]}
     groups = [{"poses": [[20, 20, 0], [50, 50, 0]], "controller": "external", "signal": {"kind": "radio"}}]
     scenario = load_scenario({"robot": "rover", "arena": {"floor": floor}, "robots": groups})
     assert scenario.robot.kind == "rover"
-    assert scenario.robots[0].sensors == {"ground": {"file": "darkness"}}
+    assert scenario.robots[0].sensors == {"ground": {"file": "darkness", "scale": 1.0}}
     assert Simulation(scenario, 1, interpret=True).advance(1).readings["darkness"].tolist() == [0.75, 0.0]
     by_name = load_scenario({"robots": groups, "sensors": ["darkness"]})
-    assert by_name.robots[0].sensors == {"darkness": {"file": "darkness"}}
+    assert by_name.robots[0].sensors == {"darkness": {"file": "darkness", "scale": 1.0}}
 
 
 def test_the_docs_show_one_of_them():

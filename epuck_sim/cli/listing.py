@@ -6,7 +6,7 @@ import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from inspect import getsource
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,14 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 
 from epuck_sim.cli.tables import terminal_width
-from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
+from epuck_sim.control.interface import RobotCode
+from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller, find_sensor
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.measures.measure import MEASURE, find_measure
 from epuck_sim.scenario.base import ConfigModel, section_classes, tagged
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import SCENARIO, SCENARIO_TYPES
-from epuck_sim.scenario.particles import CURVE
+from epuck_sim.scenario.particles import CURVE, find_curve
 from epuck_sim.scenario.robot_kind import ROBOT
 from epuck_sim.scenario.scenario import ONE_MEASURE, MeasureSection
 from epuck_sim.user_files import OWN_PACKAGE, Kind, Place
@@ -37,8 +38,8 @@ def list_names() -> dict[str, dict[str, str]]:
         "sweeps": _describe(SCENARIO, sweeps, _of_yaml),
         "controllers": _describe(CONTROLLER, CONTROLLER.offers, _of_controller),
         "robots": _describe(ROBOT, ROBOT.offers, _of_yaml),
-        "sensors": _describe(SENSOR, SENSOR.offers, _of_python),
-        "response curves": _describe(CURVE, CURVE.offers.keys() - CURVE.shipped().keys(), _of_python),
+        "sensors": _describe(SENSOR, SENSOR.offers, _of_sensor),
+        "response curves": _describe(CURVE, CURVE.offers.keys() - CURVE.shipped().keys(), _of_curve),
     }
     return {kind: described for kind, described in kinds.items() if described}
 
@@ -49,7 +50,9 @@ def list_measures() -> dict[str, dict[str, str]]:
 
 
 def list_keys(ending: str) -> dict[str, dict[str, str]]:
-    """Return descriptions of keys with this ending, or in this section, by model (N: place), and of this name."""
+    """Return descriptions of keys with this ending, or in this section, by model (N: place), of this name, or file."""
+    if ending.endswith(CONTROLLER.suffixes) and Path(ending).is_file():
+        return _list_file(ending)
     part = re.sub(r"\b\d+\b", "N", ending)
     found: dict[str, dict[str, str]] = {}
     for name, key, said in _every_key(f".{part}."):
@@ -96,18 +99,34 @@ def _of_yaml(place: Place) -> str:
     return str(given.get("description", "")) if isinstance(given, Mapping) else ""
 
 
-def _of_python(place: Place) -> str:
-    path = place.path or Path()
-    return (ast.get_docstring(ast.parse(path.read_bytes(), path.name)) or "").partition("\n")[0]
+def _of_code(find: Callable[[str], RobotCode], place: Place) -> str:
+    path, parameters = place.path or Path(), find(place.name).parameters
+    doc = ast.get_docstring(ast.parse(path.read_bytes(), path.name)) if path.suffix == ".py" else ""
+    return _with_parameters((doc or "").partition("\n")[0], parameters)
 
 
-def _of_controller(place: Place) -> str:
-    return _with_parameters(_of_python(place), find_controller(place.name).parameters)
+_of_controller, _of_sensor, _of_curve = (partial(_of_code, find) for find in (find_controller, find_sensor, find_curve))
 
 
 def _of_measure(place: Place) -> str:
     measure = find_measure(place.name)
     return _with_parameters((measure.make.__doc__ or "").partition("\n")[0], measure.parameters)
+
+
+FUNCTIONS = {
+    "step": ("controllers", _of_controller),
+    "sense": ("sensors", _of_sensor),
+    "phase_shift": ("response curves", _of_curve),
+}
+"""Kinds of files by a function that they have, others being measures, and what describes them."""
+
+
+def _list_file(name: str) -> dict[str, dict[str, str]]:
+    source = Path(name).read_text(encoding="utf-8", errors="replace")
+    has = (each for each in FUNCTIONS if re.search(rf"^(def|from\b.* import\b.*) {each}\b", source, re.MULTILINE))
+    function = next(has, "" if name.endswith(".py") else "step")
+    kind, describe = FUNCTIONS.get(function, ("measures", _of_measure))
+    return {kind: {name: describe(Place(name, Path(name)))}}
 
 
 def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:

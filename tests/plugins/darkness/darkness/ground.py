@@ -2,8 +2,9 @@
 
 from epuck_sim.embodied.sensing import brightness_at
 
+PARAMETERS = {"scale": 1.0}
 READINGS = {"darkness": float}
 
 
 def sense(world, robot, readings, parameters, random):
-    readings.darkness = 1.0 - brightness_at(world, robot.x, robot.y)
+    readings.darkness = parameters.scale * (1.0 - brightness_at(world, robot.x, robot.y))
