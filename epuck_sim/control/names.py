@@ -8,7 +8,7 @@ import ast
 import re
 import warnings
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from functools import lru_cache
 from multiprocessing import parent_process
 from pathlib import Path
@@ -89,15 +89,14 @@ def _check_names(
         definition = definitions.get((code.co_filename, code.co_name, code.co_firstlineno))
         if definition is not None:
             nodes = [*ast.walk(definition)]
-            names = _names_of_arguments(definition, nodes, roles)
-            mistakes = [*_mistakes(nodes, names, known, several, fixed), *_kept(nodes, function.__globals__, known)]
+            bound = _bound(nodes)
+            names = _names_of_arguments(definition, bound, roles)
+            mistakes = [*_mistakes(nodes, names, known, several, fixed, bound, function.__globals__)]
             if function in (getattr(user, "step", None), getattr(user, "sense", None)):
                 mistakes += _returned(definition)
             for line, said in mistakes:
                 raise ControllerError(f"{code.co_filename}:{line}: {said}")
-            set_names, taken = _assigned(nodes), {each.arg for each in nodes if isinstance(each, ast.arg)}
-            once = {name for name in set_names if set_names.count(name) == 1 and name not in taken}
-            for read in _unset(definition.body, once) if fixed and parent_process() is None else ():
+            for read in _unset(definition.body, bound) if fixed and parent_process() is None else ():
                 said = f"{read.id} may be unset here: then it is 0 compiled, and an error with --interpret"
                 place = f"{code.co_filename}:{read.lineno}"
                 warnings.warn_explicit(f"{place}: {said}; set it before the if", UserWarning, place, read.lineno)
@@ -122,19 +121,18 @@ def _definitions(user: RobotCode) -> dict[tuple[str, str, int], ast.FunctionDef]
     return found
 
 
+def _bound(nodes: Sequence[ast.AST]) -> Counter[str]:
+    """Return how often each name is an argument, or is set or deleted, in a function or one within it."""
+    names = (node for node in nodes if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load))
+    return Counter([*(node.id for node in names), *(node.arg for node in nodes if isinstance(node, ast.arg))])
+
+
 def _names_of_arguments(
-    definition: ast.FunctionDef, nodes: Sequence[ast.AST], roles: Sequence[str | None]
+    definition: ast.FunctionDef, bound: Mapping[str, int], roles: Sequence[str | None]
 ) -> dict[str, str]:
     """Return the roles (sensors, memory and so on) of a function's arguments, by name; not of those assigned to."""
     arguments = [each.arg for each in (*definition.args.posonlyargs, *definition.args.args)]
-    inner = {each.arg for node in definition.body for each in ast.walk(node) if isinstance(each, ast.arg)}
-    pairs = zip(arguments, roles, strict=False)
-    return {name: role for name, role in pairs if role and name not in inner.union(_assigned(nodes))}
-
-
-def _assigned(nodes: Iterable[ast.AST]) -> list[str]:
-    """Return the names that are set or deleted, each as often as it is."""
-    return [each.id for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load)]
+    return {name: role for name, role in zip(arguments, roles, strict=False) if role and bound[name] == 1}
 
 
 def _mistakes(
@@ -143,17 +141,28 @@ def _mistakes(
     known: Mapping[str, Sequence[str]],
     several: Collection[tuple[str, str]],
     fixed: Sequence[str],
+    bound: Mapping[str, int],
+    values: Mapping[str, object],
 ) -> Iterator[tuple[int, str]]:
-    """Yield line and message of each mistake in a function; `names` has the roles of its arguments by name."""
+    """Yield line and message of each mistake in a function; `names` has the roles of its arguments by name.
+
+    `bound` has the names that are its own, and `values` the global ones of its file.
+    """
     parts = [node for node in nodes if isinstance(node, ast.Attribute | ast.Subscript)]
-    given, also_named = Counter(_assigned(nodes)), dict(names)
+    also_named, own = dict(names), "readings" if "world" in fixed else "memory"
+    stays = f"its value would stay from trial to trial; use {own}"
     for node in nodes:
+        if isinstance(node, ast.Global):
+            yield node.lineno, f"{ast.unparse(node)}: {stays}"
         if isinstance(node, ast.Assign | ast.For):  # of a part of something with a role, to a name that it alone sets
             part, targets = (node.iter, [node.target]) if isinstance(node, ast.For) else (node.value, node.targets)
             if role := also_named.get(_root(part)):
-                also_named |= {each.id: role for each in targets if isinstance(each, ast.Name) and given[each.id] == 1}
+                also_named |= {each.id: role for each in targets if isinstance(each, ast.Name) and bound[each.id] == 1}
     for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
-        is_set = not isinstance(node.ctx, ast.Load)
+        is_set, root = not isinstance(node.ctx, ast.Load), _root(node)
+        is_changed = isinstance(values.get(root), list | dict | set) and CHANGING.fullmatch(getattr(node, "attr", ""))
+        if root in values and root not in bound and (is_set or is_changed):
+            yield node.lineno, f"changes {ast.unparse(node)}: {stays}"
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:
             role = names[node.value.id]
             kind = {"sensors": Sensors, "world": World}.get(role, np.record)  # whose own attributes are allowed, too
@@ -162,26 +171,13 @@ def _mistakes(
             if (role, node.attr) in several and is_set:
                 said = ast.unparse(node)
                 yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
-        if is_set and also_named.get(_root(node)) in fixed:
-            setter, may = ("sensor", "its readings") if "world" in fixed else ("controller", "memory and actuators")
+        if is_set and also_named.get(root) in fixed:
+            setter, may = ("sensor", "its readings") if own == "readings" else ("controller", "memory and actuators")
             yield node.lineno, f"sets {ast.unparse(node)}; a {setter} may set only {may}"
 
 
-def _kept(nodes: Sequence[ast.AST], values: Mapping[str, object], known: Collection[str]) -> Iterator[tuple[int, str]]:
-    """Yield line and message of each change, in a function, of a global value of its file, which has these `values`."""
-    instead = f"its value would stay from trial to trial; use {'readings' if 'world' in known else 'memory'}"
-    own = {*_assigned(nodes), *(each.arg for each in nodes if isinstance(each, ast.arg))}
-    for node in nodes:
-        if isinstance(node, ast.Global):
-            yield node.lineno, f"{ast.unparse(node)}: {instead}"
-        if isinstance(node, ast.Attribute | ast.Subscript) and (root := _root(node)) in values and root not in own:
-            is_called = isinstance(values[root], list | dict | set) and CHANGING.fullmatch(getattr(node, "attr", ""))
-            if is_called or not isinstance(node.ctx, ast.Load):
-                yield node.lineno, f"changes {ast.unparse(node)}: {instead}"
-
-
-def _unset(block: Sequence[ast.stmt], once: Set[str]) -> Iterator[ast.Name]:
-    """Yield reads in statements of names that are set `once` in their function, within an earlier `if` without else."""
+def _unset(block: Sequence[ast.stmt], bound: Mapping[str, int]) -> Iterator[ast.Name]:
+    """Yield reads in statements of names that an earlier `if` without else sets, and nothing else in the function."""
     unsure: set[str] = set()
     for part in block:
         nodes = [*ast.walk(part)]
@@ -189,11 +185,11 @@ def _unset(block: Sequence[ast.stmt], once: Set[str]) -> Iterator[ast.Name]:
         if not any(isinstance(each, ast.IfExp | ast.BoolOp) for each in read):  # which may ask whether it is set
             yield from (each for each in read if isinstance(each, ast.Name) and each.id in unsure)
         if isinstance(part, ast.If):
-            yield from (found for inner in (part.body, part.orelse) for found in _unset(inner, once))
+            yield from (found for inner in (part.body, part.orelse) for found in _unset(inner, bound))
             if not part.orelse:
-                unsure |= once & {*_assigned(nodes)}
-            if any(isinstance(each, ast.Return | ast.Raise | ast.Continue | ast.Break) for each in nodes):
-                unsure.clear()  # the rest may run only where they are set
+                unsure |= {name for name in _bound(nodes) if bound[name] == 1}
+        if any(isinstance(each, ast.Return | ast.Raise | ast.Continue | ast.Break) for each in nodes):
+            unsure.clear()  # the rest may run only where they are set
 
 
 def _returned(definition: ast.FunctionDef) -> Iterator[tuple[int, str]]:
@@ -231,8 +227,7 @@ def check_draws(file: PythonFile, instead: str) -> None:
 def _calls(node: ast.AST, hidden: Set[str] | None = None) -> Iterator[tuple[ast.Call, Set[str] | None]]:
     """Yield calls, with the names that functions around them take or assign, hiding the file's; None outside of any."""
     if isinstance(node, ast.FunctionDef | ast.Lambda):
-        own = [*ast.walk(node)]
-        hidden = {*_assigned(own), *(hidden or ()), *(each.arg for each in own if isinstance(each, ast.arg))}
+        hidden = {*_bound([*ast.walk(node)]), *(hidden or ())}
     if isinstance(node, ast.Call):
         yield node, hidden
     for child in ast.iter_child_nodes(node):

@@ -4,7 +4,6 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
-from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -209,16 +208,12 @@ class EmbodiedScenario(Scenario):
 
     @property
     def drawn_faults(self) -> tuple[AnyFault, ...]:
-        """The faults with those that may have them: for a dead sensor only robots that have it."""
-        return tuple(
-            fault.model_copy(update={"robots": self._owners(fault.sensor)})
-            if fault.kind == "sensor_dead" and fault.robots is None
-            else fault
-            for fault in self.faults
-        )
-
-    def _owners(self, sensor: str) -> tuple[int, ...]:
-        return (*chain(*(robots for _, group, robots in members(self.robots) if sensor in group.sensors)),)
+        """The faults, of which that of a sensor names the robots that have it, if it names none."""
+        owners: dict[str, tuple[int, ...]] = {}
+        for _, group, robots in members(self.robots):
+            owners |= {name: (*owners.get(name, ()), *robots) for name in group.sensors}
+        dead = ((fault, owners.get(getattr(fault, "sensor", ""))) for fault in self.faults)
+        return tuple(fault if fault.robots or not by else fault.model_copy(update={"robots": by}) for fault, by in dead)
 
     @property
     def group_kinds(self) -> tuple[RobotKind, ...]:
