@@ -51,7 +51,7 @@ def list_measures() -> dict[str, dict[str, str]]:
 
 def list_keys(ending: str) -> dict[str, dict[str, str]]:
     """Return descriptions of keys with this ending, or in this section, by model (N: place), of this name, or file."""
-    if ending.endswith(CONTROLLER.suffixes) and Path(ending).is_file():
+    if ending.endswith((".py", ".c")) and Path(ending).is_file():
         return _list_file(ending)
     part = re.sub(r"\b\d+\b", "N", ending)
     found: dict[str, dict[str, str]] = {}
@@ -123,9 +123,8 @@ FUNCTIONS = {
 
 def _list_file(name: str) -> dict[str, dict[str, str]]:
     source = Path(name).read_text(encoding="utf-8", errors="replace")
-    has = (each for each in FUNCTIONS if re.search(rf"^(def|from\b.* import\b.*) {each}\b", source, re.MULTILINE))
-    function = next(has, "" if name.endswith(".py") else "step")
-    kind, describe = FUNCTIONS.get(function, ("measures", _of_measure))
+    has = (each for each in FUNCTIONS if re.search(rf"^(def|void|from\b.* import\b.*) {each}\b", source, re.MULTILINE))
+    kind, describe = FUNCTIONS.get(next(has, ""), ("measures", _of_measure))
     return {kind: {name: describe(Place(name, Path(name)))}}
 
 

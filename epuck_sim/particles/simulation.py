@@ -162,11 +162,7 @@ class ParticleSimulation:
         return self
 
     def __next__(self) -> Event:
-        """Simulate up to the next event and return it.
-
-        Raises:
-            StopIteration: No event will come: all oscillators are frozen for ever, and all agents stand still.
-        """
+        """Simulate up to the next event and return it; StopIteration: all are frozen, and stand still, for ever."""
         if self._is_changed or (self.next_change != NEVER and self._is_change_next()):
             if not self._is_changed:
                 self._carry_out_timed()

@@ -118,10 +118,7 @@ def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] 
 def each_point(
     folder: Path | str, of: str | None = None, where: Sequence[str] | None = None
 ) -> Generator[PointTrials, None, None]:
-    """Yield the points that `read_points` returns, one after the other, as all together may not fit into memory.
-
-    Close it, also after an error: it holds a transaction, which keeps a run from writing.
-    """
+    """Yield the points of `read_points`, which may not fit into memory; close it, as no run can write until then."""
     with reading(folder) as connection:
         measured = [*measures_in(connection), T_SYNC_S]
         if of is not None and of not in measured:

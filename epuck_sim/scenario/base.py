@@ -228,13 +228,11 @@ def problems_in(
 ) -> Iterator[tuple[str, str]]:
     """Yield the dotted key and the message of each error in a section of class `kind`.
 
-    An unknown key may be meant as one of `keys`, or belong to another model, whose class is one of `others`. After
-    `MOST_TOLD` errors comes, without a key, how many more there are.
+    An unknown key may be meant as one of `keys`, or belong to another model, whose class is one of `others`.
     """
-    details = error.errors()
-    for number, detail in enumerate(details):
+    for number, detail in enumerate(error.errors()):
         if number == MOST_TOLD:
-            yield "", f"and {len(details) - number:,} more"
+            yield "", f"and {error.error_count() - number:,} more"
             return
         given, wrong, context = detail["input"], detail["type"], detail.get("ctx", {})
         if wrong == "too_short" and len(given) >= context["min_length"]:  # pydantic leaves wrong elements out
