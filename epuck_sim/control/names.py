@@ -6,11 +6,9 @@ sensors in files of their own. The names that a controller may read in `sensors`
 
 import ast
 import re
-import warnings
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from functools import lru_cache
-from multiprocessing import parent_process
 from pathlib import Path
 from types import FunctionType, ModuleType
 
@@ -96,10 +94,6 @@ def _check_names(
                 mistakes += _returned(definition)
             for line, said in mistakes:
                 raise ControllerError(f"{code.co_filename}:{line}: {said}")
-            for read in _unset(definition.body, bound) if fixed and parent_process() is None else ():
-                said = f"{read.id} may be unset here: then it is 0 compiled, and an error with --interpret"
-                place = f"{code.co_filename}:{read.lineno}"
-                warnings.warn_explicit(f"{place}: {said}; set it before the if", UserWarning, place, read.lineno)
             for node in nodes:
                 if isinstance(node, ast.Call):
                     given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
@@ -174,22 +168,6 @@ def _mistakes(
         if is_set and also_named.get(root) in fixed:
             setter, may = ("sensor", "its readings") if own == "readings" else ("controller", "memory and actuators")
             yield node.lineno, f"sets {ast.unparse(node)}; a {setter} may set only {may}"
-
-
-def _unset(block: Sequence[ast.stmt], bound: Mapping[str, int]) -> Iterator[ast.Name]:
-    """Yield reads in statements of names that an earlier `if` without else sets, and nothing else in the function."""
-    unsure: set[str] = set()
-    for part in block:
-        nodes = [*ast.walk(part)]
-        read = [*ast.walk(part.test)] if isinstance(part, ast.If) else [] if hasattr(part, "body") else nodes
-        if not any(isinstance(each, ast.IfExp | ast.BoolOp) for each in read):  # which may ask whether it is set
-            yield from (each for each in read if isinstance(each, ast.Name) and each.id in unsure)
-        if isinstance(part, ast.If):
-            yield from (found for inner in (part.body, part.orelse) for found in _unset(inner, bound))
-            if not part.orelse:
-                unsure |= {name for name in _bound(nodes) if bound[name] == 1}
-        if any(isinstance(each, ast.Return | ast.Raise | ast.Continue | ast.Break) for each in nodes):
-            unsure.clear()  # the rest may run only where they are set
 
 
 def _returned(definition: ast.FunctionDef) -> Iterator[tuple[int, str]]:
