@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from epuck_sim.arena import brightness_at, clearance_cm, floor_levels, light_at, make_arena, make_floor
 from epuck_sim.geometry import box_corners, contains, is_convex, polygon_area, polygon_distance_cm

@@ -16,8 +16,7 @@ from scipy import stats
 
 from epuck_sim import read_points
 from epuck_sim.display.table import csv_text
-from epuck_sim.replication.criteria import FITTED_TRIALS, FITTED_VALUES
-from epuck_sim.replication.criteria import LAWS as FITTED
+from epuck_sim.replication.criteria import FITTED_TRIALS, FITTED_VALUES, LAWS as FITTED
 from epuck_sim.statistics.comparison import Pair, contrast, permute, studentised
 from epuck_sim.statistics.extrema import Extrema, find_minimum_and_peak
 from epuck_sim.statistics.sequential import Precision, look_interval, look_sizes

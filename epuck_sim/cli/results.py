@@ -61,8 +61,7 @@ def summarize(
     from epuck_sim.cli.tables import show
     from epuck_sim.runs.reader import each_point, read_points
     from epuck_sim.statistics.curves import has_series, series_table, summarize_series
-    from epuck_sim.statistics.statistic import measure_unit, quantity
-    from epuck_sim.statistics.statistic import summarize as statistics
+    from epuck_sim.statistics.statistic import measure_unit, quantity, summarize as statistics
 
     points = read_points(folder, of, where) if of else None
     if points and any(map(has_series, points)):

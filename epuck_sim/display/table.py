@@ -13,8 +13,7 @@ from numbers import Integral
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
-from epuck_sim.display.html import element, to_html
-from epuck_sim.display.html import table as html_table
+from epuck_sim.display.html import element, table as html_table, to_html
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
 from epuck_sim.util.messages import in_yaml, shortest_endings
 

@@ -16,8 +16,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from epuck_sim.cli import app as command
-from epuck_sim.cli import terminal
+from epuck_sim.cli import app as command, terminal
 from epuck_sim.cli.terminal import pressed_keys
 from epuck_sim.runs.folder import STORED
 from epuck_sim.runs.reader import read_status

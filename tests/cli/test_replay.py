@@ -11,8 +11,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import ANY, Mock
-from unittest.mock import call as method
+from unittest.mock import ANY, Mock, call as method
 
 import pytest
 

@@ -5,8 +5,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.control.names import check_sensed

@@ -9,8 +9,7 @@ from types import SimpleNamespace
 import hypothesis
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy import stats
 
 from epuck_sim import Simulation, load_scenario, run_trial

@@ -13,8 +13,7 @@ from xml.etree.ElementTree import fromstring
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim import ParticleSimulation, Simulation, load_scenario
 from epuck_sim.arena import make_arena, make_floor

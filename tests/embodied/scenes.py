@@ -9,8 +9,7 @@ from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-from hypothesis import assume
-from hypothesis import strategies as st
+from hypothesis import assume, strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray

@@ -5,8 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim import Simulation, load_scenario
 from epuck_sim.arena import Arena, clearance_cm, make_arena

@@ -5,8 +5,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from epuck_sim import Simulation, load_scenario, points
 from epuck_sim.arena import clearance_cm, make_arena

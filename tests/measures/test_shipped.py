@@ -7,8 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from epuck_sim import ParticleSimulation, load_scenario, points
 from epuck_sim.measures import synchrony

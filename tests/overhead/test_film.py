@@ -14,8 +14,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.camera import Frame, Picture

@@ -10,8 +10,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from epuck_sim import epuck, load_scenario, run_trial
 from epuck_sim.arrays import FloatArray, IntArray

@@ -7,8 +7,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from epuck_sim import ParticleSimulation, ScenarioError, run_trial
 from epuck_sim.particles import oscillators

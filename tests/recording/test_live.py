@@ -13,8 +13,7 @@ import pytest
 from rerun.experimental import ViewerClient
 
 from epuck_sim import RecordingError, Scenario, Step, TrialResult, load_scenario
-from epuck_sim.recording import Level
-from epuck_sim.recording import viewer as viewer_module
+from epuck_sim.recording import Level, viewer as viewer_module
 from epuck_sim.recording.rerun import NO_GRAPHICS, in_background, proxy_url
 from epuck_sim.recording.viewer import END, MOST_LATE_S, PAUSE, STEP, Pace, live, live_viewer
 from epuck_sim.trial.model import Observer, run_trial, simulate

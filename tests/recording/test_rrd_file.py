@@ -9,13 +9,11 @@ from typing import Any
 
 import pytest
 import rerun as rr
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, example, given, settings, strategies as st
 from rerun.chunk import Chunk, LazyChunkStream
 
 from epuck_sim import EpuckSimError, RecordingError, Simulation, Step, load_scenario, read_recording, record
-from epuck_sim.recording import Level, recorder
-from epuck_sim.recording import reader as entities
+from epuck_sim.recording import Level, reader as entities, recorder
 from epuck_sim.recording.reader import last_moment_s, read_layout
 from epuck_sim.recording.recorder import arrangement_of, layout_file
 from epuck_sim.recording.rerun import _BLANK, is_whole, run_rerun

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from docs.trials import DOCS, PAGE, TABLES, Tables, write_page
 from epuck_sim.errors import EpuckSimError

@@ -16,8 +16,7 @@ from unittest.mock import Mock
 import pytest
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs import database, store
-from epuck_sim.runs import folder as folders
+from epuck_sim.runs import database, folder as folders, store
 from epuck_sim.runs.compatibility import Share, read_share
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import HOLDER, LEASE_S, current_holder, own_name, take_over

@@ -6,8 +6,7 @@ from random import Random
 
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.compatibility import Share, merge_folders

@@ -18,8 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.runs import database, reader
-from epuck_sim.runs import export as exporting
+from epuck_sim.runs import database, export as exporting, reader
 from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.runs.database import ENTER_POINT
 from epuck_sim.runs.export import WRITERS, export

@@ -15,8 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, stored_point

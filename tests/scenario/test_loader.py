@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import epuck_sim
 from epuck_sim import EmbodiedScenario, ParticleScenario, Scenario, ScenarioError, Simulation, points

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim import Point, ScenarioError, points
 from epuck_sim.scenario.axes import MAX_POINTS, SweepAxes, with_ranges

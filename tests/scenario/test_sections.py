@@ -7,8 +7,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from epuck_sim import ScenarioError, Simulation, epuck, points
 from epuck_sim.arena import brightness_at, light_at

@@ -7,8 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy import stats
 
 from epuck_sim import EpuckSimError, StoreError, points, read_points
@@ -16,8 +15,15 @@ from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.statistics import Statistic, curves, statistic
 from epuck_sim.statistics.comparison import compare, match_values
 from epuck_sim.statistics.curves import series_statistics, series_table, summarize_series
-from epuck_sim.statistics.statistic import Measured, estimate, estimate_mean, estimate_median, resample, resample_means
-from epuck_sim.statistics.statistic import summarize as summaries_of
+from epuck_sim.statistics.statistic import (
+    Measured,
+    estimate,
+    estimate_mean,
+    estimate_median,
+    resample,
+    resample_means,
+    summarize as summaries_of,
+)
 from tests.cli.commands import called, cells
 from tests.runs import made_folders
 from tests.runs.made_folders import SPEED, censored, ended, in_memory, store, sweep, weibull

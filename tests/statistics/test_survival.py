@@ -6,8 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from lifelines import KaplanMeierFitter, LogNormalAFTFitter
 from lifelines.utils import median_survival_times
 from scipy import stats

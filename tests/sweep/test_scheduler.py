@@ -21,8 +21,7 @@ from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim.errors import ClusterError, EpuckSimError, ExtraError
 from epuck_sim.runs.store import Outcome

@@ -8,8 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim import EpuckSimError, Simulation, Step, Trace, load_scenario, run_trial
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter

@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from epuck_sim import MeasureError, ParticleSimulation, Simulation, load_scenario, read_points, run_sweep
 from epuck_sim.embodied.loop import MOST_STEPS

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from pydantic import Field
 
 import epuck_sim

@@ -12,13 +12,11 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from numba import njit
 
 from epuck_sim import elementary
-from epuck_sim.util import elementary as kernels
-from epuck_sim.util import generators as ours
+from epuck_sim.util import elementary as kernels, generators as ours
 from epuck_sim.util.rng import next_word, randint, uniform
 from epuck_sim.util.seeds import robot_streams, seed_words, trial_seed
 

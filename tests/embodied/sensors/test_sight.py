@@ -5,8 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from epuck_sim import Simulation, epuck, load_scenario
 from epuck_sim.arrays import ByteArray, IntArray
