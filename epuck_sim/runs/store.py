@@ -13,25 +13,9 @@ from typing import Any, NamedTuple
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
+from epuck_sim.runs import database
 from epuck_sim.runs.compatibility import WHOLE, Share, check_stored_points, read_share, stored_point, without
-from epuck_sim.runs.database import (
-    ENTER_POINT,
-    NULL,
-    REPEATED,
-    UNMEASURED,
-    as_column,
-    as_stored,
-    check_database,
-    measures_in,
-    new_database,
-    note_trials,
-    quoted,
-    reading,
-    sign,
-    sqlite_errors,
-    summing,
-    writing,
-)
+from epuck_sim.runs.database import NULL, REPEATED, UNMEASURED, as_column, as_stored, quoted, sign, sqlite_errors
 from epuck_sim.runs.folder import DATABASE, acquire, is_at
 from epuck_sim.runs.reader import FinishedTrials, read_ends, read_finished
 from epuck_sim.runs.sources import write_sources
@@ -73,14 +57,14 @@ class Store(AbstractContextManager["Store"]):
         self._axes = [tuple(as_stored(as_column(value)) for value in point.axes.values()) for point in points]
         rows = [stored_point(point) for point in points]
         if self._path.exists():
-            check_database(self._path)
+            database.check_database(self._path)
         with ExitStack() as stack:
             is_held = stack.enter_context(acquire(folder))
             sync_folder(folder.parent)  # in which the folder may be new
             is_new = not self._path.exists()
             dropped: set[str] = set()  # names of measures
             if not is_new:
-                with reading(folder) as connection:
+                with database.reading(folder) as connection:
                     dropped = check_stored_points(folder, connection, rows)
                     was = read_share(connection)
                 if share not in (None, was):
@@ -92,33 +76,33 @@ class Store(AbstractContextManager["Store"]):
             self.share = share or WHOLE
             rows = [row._replace(share=None if self.share == WHOLE else str(self.share)) for row in rows]
             if is_new:
-                with new_database(self._path, list(points[0].axes), rows):
+                with database.new_database(self._path, list(points[0].axes), rows):
                     pass
             # before the points: the folder's own scenario must cover all that the database has
             used = {(row.controllers, row.measures): point.scenario for row, point in zip(rows, points, strict=True)}
             self._sources = write_sources(folder, scenario, used.values())
             stack.enter_context(sqlite_errors(self._path))
-            self._connection = stack.enter_context(writing(self._path))
+            self._connection = stack.enter_context(database.writing(self._path))
             opened = self._path.stat()
             self._is_ours: Callable[[], bool] = lambda: is_held() and is_at(self._path, opened)
             with self._connection:
                 if dropped:
                     self._drop(dropped)
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
-                self._connection.executemany(ENTER_POINT, rows)
+                self._connection.executemany(database.ENTER_POINT, rows)
                 sign(self._connection, "points")
                 measured = f"measuring_error IS NOT NULL AND NOT {UNMEASURED}"
                 mended = f"UPDATE trials SET measuring_error = NULL WHERE {measured} RETURNING point, trial"
                 sign(self._connection, "trials", self._connection.execute(mended).fetchall())
-            self._has_measures = bool(measures_in(self._connection))
+            self._has_measures = bool(database.measures_in(self._connection))
             columns = ("point", "trial", *points[0].axes, *Outcome._fields[2:-1], *PROVENANCE)
-            self._with_sum = summing(self._connection, "trials", columns)
+            self._with_sum = database.summing(self._connection, "trials", columns)
             self._insert = (
                 f"INSERT INTO trials ({', '.join(map(quoted, columns))}, checksum) "
                 f"VALUES ({', '.join('?' * len(columns))}, ?) ON CONFLICT DO NOTHING"
             )
             self._rows, self._failed = self._connection.execute("SELECT count(*), count(error) FROM trials").fetchone()
-            note_trials(self._path, self._rows)
+            database.note_trials(self._path, self._rows)
             self._resources = stack.pop_all()
 
     def _drop(self, measures: set[str]) -> None:
@@ -183,7 +167,7 @@ class Store(AbstractContextManager["Store"]):
                 are_stored = [outcome.error is None for outcome in outcomes]
         self._check_ours()
         self._rows += self._new
-        note_trials(self._path, self._rows)
+        database.note_trials(self._path, self._rows)
         return are_stored
 
     def _check_ours(self) -> None:

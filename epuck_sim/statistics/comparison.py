@@ -25,19 +25,8 @@ from epuck_sim.measures.measure import T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows, texts_of_values
 from epuck_sim.scenario.keys import axis_key
-from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.statistic import (
-    MeanError,
-    Measured,
-    check_units,
-    estimate,
-    mean_and_error,
-    measure,
-    quantity,
-    restrict,
-    share_difference,
-    student_estimate,
-)
+from epuck_sim.statistics import Statistic, statistic
+from epuck_sim.statistics.statistic import MeanError, Measured, measure, restrict, share_difference, student_estimate
 from epuck_sim.statistics.survival import Sample, are_drawn_by_kind, make_curves
 from epuck_sim.util.messages import comma_list, counted, in_yaml
 
@@ -81,7 +70,7 @@ def pair_up(first: Measured, second: Measured) -> Pair:
 
 def contrast(pair: Pair, *, of_logarithms: bool) -> MeanError:
     """Return the difference of the means of two samples, or of their logarithms; its error is 0 if it is not known."""
-    first, second = means = [mean_and_error(each) for each in pair]
+    first, second = means = [statistic.mean_and_error(each) for each in pair]
     is_known = pair.is_comparable and min(first.error, second.error) > 0  # trials that are all censored show no error
     if of_logarithms:
         first, second = means = [MeanError(math.log(mean), error / mean, freedom) for mean, error, freedom in means]
@@ -239,7 +228,7 @@ class Comparison(NamedTuple):
 
 def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
     """Match the points of sweeps that have the same axis values, in the order in which these come."""
-    check_units([points[0] for points in folders])
+    statistic.check_units([points[0] for points in folders])
     axes = [sorted(points[0].axes) for points in folders]
     if any(keys != axes[0] for keys in axes):
         instead = "name the points to compare: --points 0,0, one of each folder, by its number"
@@ -357,7 +346,7 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
 def _compare_point(
     axes: dict[str, Any], pair: Pair, p_value: float, tested: Estimate | None, *, is_ratio: bool
 ) -> PointComparison:
-    first, second = (estimate(each, Statistic.MEAN) for each in pair)
+    first, second = (statistic.estimate(each, Statistic.MEAN) for each in pair)
     difference = Estimate(second.value - first.value)
     ratio = Estimate(second.value / first.value) if min(first.value, second.value) > 0 else UNDETERMINED
     if is_ratio and tested is not None and not math.isnan(ratio.value):
@@ -397,7 +386,7 @@ def comparison_tables(compared: Sequence[Comparison]) -> list[Table]:
     names = list(dict.fromkeys(name for each in compared for name in (each.a, each.b)))
     letters = {name: chr(ord("A") + number) if number < 26 else str(number) for number, name in enumerate(names)}
     legend = [f"{letter}: {name}" for name, letter in letters.items()]
-    title = "\n".join([f"{quantity(first.of, first.unit)}, with 95 % intervals", *legend])
+    title = "\n".join([f"{statistic.quantity(first.of, first.unit)}, with 95 % intervals", *legend])
     one, other = (letters[first.a], letters[first.b]) if is_one and first.a != first.b else ("first", "second")
     headings = {"first": one, "second": other, "p_value": "p", "p_holm": "p (Holm)", "a": "", "b": "", "unit": ""}
     headings |= {"difference": f"{other} - {one}", "ratio": f"{other} / {one}"}

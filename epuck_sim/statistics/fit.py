@@ -17,17 +17,9 @@ from epuck_sim.runs.reader import PointTrials, SweepTrials
 from epuck_sim.scenario.axes import SPEED, choose_axis
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import axis_key
-from epuck_sim.statistics import Statistic
+from epuck_sim.statistics import Statistic, extrema
 from epuck_sim.statistics.curves import check_speed_alone, group_by_other_axes, sweep_curves
-from epuck_sim.statistics.extrema import (
-    FAST_FACTOR,
-    PLACES,
-    Extrema,
-    Place,
-    find_fast_speed,
-    search_extrema,
-    search_measure,
-)
+from epuck_sim.statistics.extrema import FAST_FACTOR, PLACES, Extrema, Place, find_fast_speed, search_extrema
 from epuck_sim.statistics.statistic import measure, quantity, student_estimate
 from epuck_sim.statistics.survival import fit_log_normal
 from epuck_sim.util.messages import counted, shortest_endings
@@ -305,11 +297,11 @@ def fit_tables(curves: Sequence[FittedCurve], laws: Sequence[Laws]) -> list[Tabl
     notes = [f"T_m and T_p: {statistics}. -: no minimum and peak that stand out from noise."]
     notes += _reasons(curves)
     notes += [f"V_f: from there on T_sync is less than {FAST_FACTOR:g} times that at the largest speed."] * has_v_f
-    extrema = Table("Local minimum and peak, with 95 % intervals", rows, notes, headings)
+    places = Table("Local minimum and peak, with 95 % intervals", rows, notes, headings)
     if any(each.exponents for each in laws):
-        return [extrema, *_laws_tables(laws)]
+        return [places, *_laws_tables(laws)]
     reasons = dict.fromkeys(each.reason for each in laws) or ["no curve has a local minimum and a peak"]
-    return [extrema, Table(f"No laws: {'; '.join(reasons)}.", [])]
+    return [places, Table(f"No laws: {'; '.join(reasons)}.", [])]
 
 
 def _rows(found: "Sequence[FittedCurve | MeasureFit | PowersFit]", cells: Iterable[Mapping[str, Any]]) -> list[Row]:
@@ -379,7 +371,7 @@ def fit_measure(
     found = []
     for curve in curves:
         head = str(points.folder), curve.of or "T_sync", chosen, curve.axes, curve.names[0]
-        found.append(MeasureFit(*head, *search_measure(curve)))
+        found.append(MeasureFit(*head, *extrema.search_measure(curve)))
     return found
 
 

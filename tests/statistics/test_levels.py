@@ -11,16 +11,8 @@ import pytest
 
 from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.replication.criteria import rank_trend, ratio, weighted_slope
-from epuck_sim.statistics import sequential
-from epuck_sim.statistics.comparison import (
-    contrast,
-    mean_contrast,
-    pair_up,
-    permute,
-    permute_ranks,
-    share_as_large,
-    studentised,
-)
+from epuck_sim.statistics import comparison, sequential
+from epuck_sim.statistics.comparison import contrast, mean_contrast, pair_up, permute, permute_ranks, studentised
 from epuck_sim.statistics.planning import plan_trials, trials_for_shares, trials_needed
 from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_level, look_sizes
 from epuck_sim.statistics.statistic import Measured, cut, estimate_mean, student_estimate
@@ -73,7 +65,7 @@ def test_chance_in_the_far_tail_of_permutations(permuting) -> None:
         random, sizes = np.random.default_rng(seed), (5, 20) if is_of_ranks else (10, 10)
         drawn = [(random.lognormal(0, 0.8, n), random.uniform(0.5, 4 if is_of_ranks else 1e9, n)) for n in sizes]
         pair = pair_up(*(measured(np.minimum(*each), each[0] <= each[1]) for each in drawn))
-        ours.append(share_as_large(studentised([permuting(pair, seed, count=599)])))
+        ours.append(comparison.share_as_large(studentised([permuting(pair, seed, count=599)])))
     assert 0 < np.mean(np.array(ours) <= 0.005) < 0.013  # 0.005 with four standard deviations
 
 
