@@ -6,6 +6,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -35,6 +36,13 @@ settings.load_profile("same")  # --hypothesis-profile search looks for what nobo
 def _no_process_outlives_its_test() -> Iterator[None]:
     yield
     end_all()
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch) -> Path:
+    """Return the current folder, which is empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture(scope="module")

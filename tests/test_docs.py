@@ -42,6 +42,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 LONG_SWEEPS = ("fig-", "switching", "neighbour-change", "two-nearest")  # whose quick versions take minutes
 SMALL_PICTURES = ["--set", "overhead.width_px=320", "--set", "overhead.height_px=320"]  # tags can still be read
+pytestmark = pytest.mark.usefixtures("here")
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -64,11 +65,6 @@ def write_files(*pages: str) -> dict[str, str]:
     for name, text in shown.items():
         Path(name).write_text(text)
     return shown
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))

@@ -138,13 +138,12 @@ ROWS = yaml.load(Path(__file__).with_name("mistakes.yaml").read_text(encoding="u
 
 
 @pytest.mark.parametrize("row", list(map(marked, ROWS)))
-def test_a_mistake_ends_the_command_with_one_message_before_any_trial(row, shelf, tmp_path, monkeypatch) -> None:
+def test_a_mistake_ends_the_command_with_one_message_before_any_trial(row, shelf, here, monkeypatch) -> None:
     for name in row.get("beside", ()):
         if not (shelf / name).exists():
             MAKERS[name](shelf / name)
         copy = shutil.copytree if (shelf / name).is_dir() else shutil.copy
-        copy(shelf / name, tmp_path / name)
-    monkeypatch.chdir(tmp_path)
+        copy(shelf / name, here / name)
     for name in row.get("folders", ()):
         Path(name).mkdir()
     for name, text in row.get("files", {}).items():
@@ -156,7 +155,7 @@ def test_a_mistake_ends_the_command_with_one_message_before_any_trial(row, shelf
     if "scenario" in row or "text" in row:
         text = row["text"] if "text" in row else yaml_io.write_yaml(row["scenario"])
         Path("s.yaml").write_text(text, encoding="utf-8")
-    before = contents(tmp_path)
+    before = contents(here)
     for name, value in row.get("environment", {}).items():
         monkeypatch.setenv(name, value)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
@@ -172,7 +171,7 @@ def test_a_mistake_ends_the_command_with_one_message_before_any_trial(row, shelf
     assert row.get("lacks", "Traceback") not in said
     assert "Traceback" not in result.stderr
     assert (result.stdout == "") == bool(result.exit_code)  # `check` prints a scenario, beside what it notes of it
-    assert contents(tmp_path) == before
+    assert contents(here) == before
 
 
 def test_what_has_a_name_lies_beside_a_row() -> None:

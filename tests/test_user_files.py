@@ -166,14 +166,13 @@ def test_an_entry_point_names_a_module_or_a_package_which_is_not_imported(file, 
     assert find_controller("night") is controller
 
 
-def test_a_scenario_of_a_package_names_files_beside_it_and_a_folder_of_its_name_goes_first(site, tmp_path, monkeypatch):
+def test_a_scenario_of_a_package_names_files_beside_it_and_a_folder_of_its_name_goes_first(site, here):
     install(site, "town", "scenarios", "square", "town.places.square")
     write(site / "town" / "__init__.py", "")
     write(site / "town" / "places" / "square.yaml", "model: embodied\nrobots: [{count: 2, controller: mine.py}]\n")
     mine = write(site / "town" / "places" / "mine.py", EMPTY)
-    monkeypatch.chdir(tmp_path)
     assert load_scenario("square").robots[0].controller == str(mine)
-    write(tmp_path / "square" / "scenario.yaml", "model: embodied\nrobots: [{count: 3}]\n")
+    write(here / "square" / "scenario.yaml", "model: embodied\nrobots: [{count: 3}]\n")
     assert load_scenario("square").population == 3
 
 

@@ -22,37 +22,35 @@ def gain(path, value):
     return write_controller(path, with_step("pass", PARAMETERS=f"{{'gain': {value}}}"))
 
 
-def test_shipped_controllers_are_found_by_their_names_from_any_folder_whatever_lies_there(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    gain(tmp_path / "firefly.py", 1.0)
+def test_shipped_controllers_are_found_by_their_names_from_any_folder_whatever_lies_there(here):
+    gain(here / "firefly.py", 1.0)
     for name in SHIPPED:
-        controller = find_controller(name, tmp_path)
+        controller = find_controller(name, here)
         assert (controller.name, controller.path) == (name, builtin_folder("controllers") / f"{name}.py")
         assert controller.is_oscillator == (name in ("external_wheels", "firefly", "oscillator"))
-    assert find_controller("firefly.py", tmp_path).parameters == {"gain": 1.0}
+    assert find_controller("firefly.py", here).parameters == {"gain": 1.0}
 
 
-def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory_and_not_confused(tmp_path, monkeypatch):
+def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory_and_not_confused(here):
     """Neither are files of one name in two folders, nor what they import beside them."""
-    gain(tmp_path / "scenes" / "mine.py", 1.0)
-    monkeypatch.chdir(tmp_path)
-    gain(tmp_path / "mine.py", 2.0)
-    gain(tmp_path / "scenes" / "deep" / "other.py", 3.0)
+    gain(here / "scenes" / "mine.py", 1.0)
+    gain(here / "mine.py", 2.0)
+    gain(here / "scenes" / "deep" / "other.py", 3.0)
     for name, folder, found in (
-        ("mine.py", tmp_path / "scenes", 1.0),
+        ("mine.py", here / "scenes", 1.0),
         ("mine.py", None, 2.0),
-        ("scenes/mine.py", tmp_path / "scenes", 1.0),
-        ("deep/other.py", tmp_path / "scenes", 3.0),
-        (str(tmp_path / "mine.py"), tmp_path / "scenes", 2.0),
+        ("scenes/mine.py", here / "scenes", 1.0),
+        ("deep/other.py", here / "scenes", 3.0),
+        (str(here / "mine.py"), here / "scenes", 2.0),
     ):
         assert find_controller(name, folder).parameters == {"gain": found}
     text = "import helper\n" + with_step("pass", PARAMETERS="{'gain': helper.GAIN}")
     for number in (1, 2):
-        folder = tmp_path / str(number)
+        folder = here / str(number)
         folder.mkdir()
         (folder / "helper.py").write_text(f"GAIN = {number}.0")
         write_controller(folder / "mine.py", text)
-    found = [find_controller(f"{number}/mine.py", tmp_path) for number in (1, 2, 1)]
+    found = [find_controller(f"{number}/mine.py", here) for number in (1, 2, 1)]
     assert [controller.parameters["gain"] for controller in found] == [1.0, 2.0, 1.0]
 
 

@@ -101,10 +101,9 @@ def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(tmp_p
 
 @needs_compiler
 @pytest.mark.parametrize("scenario", [FAULTY, *map(coming_and_going, SIGNALS)])
-def test_groups_without_robots_change_nothing(scenario, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_firmware(tmp_path / "mine.c")
-    (tmp_path / "place.py").write_text(with_sense("readings.place = robot.x", "{'place': float}"))
+def test_groups_without_robots_change_nothing(scenario, here):
+    write_firmware(here / "mine.c")
+    (here / "place.py").write_text(with_sense("readings.place = robot.x", "{'place': float}"))
     faults = [*scenario["faults"], {"kind": "sensor_dead", "sensor": "place", "at_s": 3}]
     alone = scenario | {"sensors": ["place.py"], "faults": faults}
     first, *others = scenario["robots"]

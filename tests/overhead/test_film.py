@@ -88,8 +88,8 @@ def test_what_a_film_says_of_itself_and_films_from_elsewhere_do_not(tmp_path):
             assert film.description is None, comment
 
 
-def test_numbered_pictures_and_addresses_and_names_that_look_like_some(tmp_path, monkeypatch):
-    folder = tmp_path / "half 50%d"
+def test_numbered_pictures_and_addresses_and_names_that_look_like_some(here):
+    folder = here / "half 50%d"
     folder.mkdir()
     for number in range(7):
         cv2.imwrite(str(folder / f"frame_{9 + number:03}.png"), numbered_picture(number, 61, 43)[..., ::-1])
@@ -98,8 +98,7 @@ def test_numbered_pictures_and_addresses_and_names_that_look_like_some(tmp_path,
             assert frame.time_s == pytest.approx(number / 25)
             np.testing.assert_array_equal(frame.picture, numbered_picture(number, 61, 43))
     assert (number, film.is_pictures, film.rate, film.warnings) == (6, True, 25, [])
-    path = write_film(tmp_path / "take:2 100%.mp4", UNEVEN)
-    monkeypatch.chdir(tmp_path)
+    path = write_film(here / "take:2 100%.mp4", UNEVEN)
     assert read(path) == read("take:2 100%.mp4") == read(f"file://{path}")
 
 

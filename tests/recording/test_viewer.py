@@ -201,16 +201,15 @@ class KeptForAThread:
         (self.folder / "ended").touch()
 
 
-def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(stand: Stand, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    here = threading.local()
-    here.kept = KeptForAThread(tmp_path)
+def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(stand: Stand, here, monkeypatch) -> None:
+    thread = threading.local()
+    thread.kept = KeptForAThread(here)
     monkeypatch.setenv("WAYLAND_DISPLAY", "0")
     with ThreadPoolExecutor(1) as pool:
         pool.submit(show, Path("--t.rrd")).result()
-    assert not (tmp_path / "ended").exists()
+    assert not (here / "ended").exists()
     file, *options = stand.received["arguments"]
-    assert file == str(tmp_path / "--t.rrd")
+    assert file == str(here / "--t.rrd")
     assert options[options.index("--bind") + 1] == "127.0.0.1"
     assert options[options.index("--port") + 1] == "auto"
 

@@ -313,15 +313,14 @@ def test_verify_names_what_is_not_as_it_was_written(made: Path, spoil, name: str
 
 
 @pytest.fixture
-def foreign(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def foreign(made: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a run folder that somebody else has made, whose code leaves a trace where it is run, from anywhere."""
-    mark = f"open({str(tmp_path / 'was-run')!r}, 'w').close()\n"
+    mark = f"open({str(here / 'was-run')!r}, 'w').close()\n"
     for path in made.rglob("*.py"):
         write_soon_after(path, mark + path.read_text())
-    shutil.rmtree(tmp_path / "own")
-    edit(made, "UPDATE points SET scenario = replace(scenario, ?, ?)", str(tmp_path / "own"), str(made / "sources"))
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    monkeypatch.chdir(tmp_path)
+    shutil.rmtree(here / "own")
+    edit(made, "UPDATE points SET scenario = replace(scenario, ?, ?)", str(here / "own"), str(made / "sources"))
+    monkeypatch.setenv("XDG_STATE_HOME", str(here / "state"))
     return made
 
 

@@ -165,8 +165,7 @@ def test_groups_have_kinds_of_their_own_or_that_of_all_and_the_sensors_of_their_
     assert [list(group.sensors) for group in swapped.robots] == [[], ["photosensors"]]
     for robot in ({"radius_cm": 4}, {"kind": 3}):
         assert load_scenario({"robot": robot, "robots": RADIO}, ["robot=kilobot"]).robot.radius_cm == 1.65
-    bare = load_scenario({"robots": [{**groups[0], "sensors": []}]})
-    assert list(bare.robots[0].sensors) == []
+    assert load_scenario({"robots": [{**groups[0], "sensors": []}]}).robots[0].sensors == {}
 
 
 def test_scales_are_of_the_first_group_all_robots_and_the_area() -> None:
@@ -189,19 +188,18 @@ def test_a_swept_kind_has_the_values_of_its_own_and_numbers_of_resamples_without
     assert "robot" not in load_scenario("kilobots").later_defaults()
 
 
-def test_a_robot_is_a_file_with_its_sensors_beside_it(tmp_path, monkeypatch) -> None:
+def test_a_robot_is_a_file_with_its_sensors_beside_it(here) -> None:
     cart = "description: mine\nradius_cm: 5\nwheel_base_cm: 8\ninfrared: null\nsensors: [{clock.py: {step: 2.0}}]\n"
     clock = with_sense("readings.clock += parameters.step", "{'clock': float}", "{'step': 1.0}")
     carts = "robot: {kind: cart.yaml, mass_g: 700}\nrobots: [{count: 2}]\nquick: {trials: 2}\n"
-    (tmp_path / "lab").mkdir()
+    (here / "lab").mkdir()
     for name, text in {"cart.yaml": cart, "clock.py": clock, "carts.yaml": carts}.items():
-        (tmp_path / "lab" / name).write_text(text)
-    monkeypatch.chdir(tmp_path)
+        (here / "lab" / name).write_text(text)
     scenario = load_scenario("lab/carts.yaml")
     robot = scenario.robot
     assert (robot.radius_cm, robot.wheel_base_cm, robot.mass_g, robot.infrared) == (5, 8, 700, None)
     assert Simulation(scenario, 1, interpret=True).advance(5).readings["clock"].tolist() == [10, 10]
-    (tmp_path / "lab" / "cart.yaml").unlink()
+    (here / "lab" / "cart.yaml").unlink()
     assert again(scenario) == scenario
 
 
@@ -238,9 +236,8 @@ def named(scenario) -> list[tuple[str, dict]]:
 
 
 @MODELS
-def test_names_and_mappings_are_read_and_written_again(model, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    path = write(tmp_path / "mine.py", COUNTER)
+def test_names_and_mappings_are_read_and_written_again(model, here, monkeypatch):
+    path = write(here / "mine.py", COUNTER)
     given = ["order_parameter", {"mine.py": {"offset": 3}}, {"near_walls": None}]
     scenario = load_scenario({"model": model, "measures": given, "stop": {"when": "Counter >= 3"}})
     assert load_scenario({"model": model, "measures": scenario.measures}).measures == scenario.measures
@@ -252,10 +249,9 @@ def test_names_and_mappings_are_read_and_written_again(model, tmp_path, monkeypa
     assert load_scenario(scenario) == scenario
 
 
-def test_measures_of_the_command_come_after_those_of_the_file_and_take_settings(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write(tmp_path / "mine.py", COUNTER)
-    write(tmp_path / "scene.yaml", "measures: [order_parameter]\n")
+def test_measures_of_the_command_come_after_those_of_the_file_and_take_settings(here):
+    write(here / "mine.py", COUNTER)
+    write(here / "scene.yaml", "measures: [order_parameter]\n")
     axes = ["measures.1={mine.py: {offset: 1}},{mine.py: {offset: 2}}"]
     swept = load_scenario("scene.yaml", axes=axes, measures=["mine.py"])
     assert [point.scenario.measures[1].parameters["offset"] for point in points(swept)] == [1, 2]

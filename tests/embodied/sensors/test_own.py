@@ -36,13 +36,12 @@ WANDERER = FOLLOWER.replace("sensors.ground[0] + sensors.own_number", "0.5").rep
 
 
 @pytest.fixture(autouse=True)
-def files(tmp_path, monkeypatch):
+def files(here):
     """Return a function that writes files into the working directory, an empty one; some are there from the start."""
-    monkeypatch.chdir(tmp_path)
 
     def write(**contents):
         for name, text in contents.items():
-            (tmp_path / f"{name}.py").write_text(text)
+            (here / f"{name}.py").write_text(text)
 
     write(ground=GROUND, follower=FOLLOWER, wanderer=WANDERER, dice=RANDOM % ("dice", "dice"))
     return write
