@@ -21,8 +21,7 @@ def test_run_prints_measures_as_json_and_as_columns(scenario, here):
     assert trial["measures"]["Counter"] == 3.0
     assert len(trial["measures"]["order_parameter"]) == trial["cycles"] == 3
     assert trial["measures"]["order_parameter"][-1] == trial["order_parameter"]
-    set_too = read(*short, "--measure", "mine.py:Counter: {offset: 2, as: later}")
-    assert set_too["measures"] == {"later": 5.0}
+    assert read(*short, "--measure", "mine.py:Counter: {offset: 2, as: later}")["measures"] == {"later": 5.0}
     table = called(*command)
     assert all(said in table for said in ("3 values", "Counter"))
 

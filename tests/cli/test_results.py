@@ -170,8 +170,7 @@ def test_plan_says_where_trials_tell_of_time_alone_times_some_of_a_scenario_and_
 
 
 def test_a_report_is_written_beside_its_folder_wherever_it_is_called(tmp_path, monkeypatch) -> None:
-    without_figures = sweep({"noise": ["on", "off"]}, trials=2)
-    folder = store(tmp_path / "run", without_figures, lambda point: weibull(point, 30))
+    folder = store(tmp_path / "run", sweep({"noise": ["on", "off"]}, trials=2), lambda point: weibull(point, 30))
     page = tmp_path / "run.html"
     assert called("report", folder) == f"{page.resolve()}\n"
     page.unlink()

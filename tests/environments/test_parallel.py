@@ -219,8 +219,7 @@ def test_pictures_show_the_arena_from_above():
     dark = env.render()
     assert (dark.shape, dark.dtype) == ((480, 480, 3), np.uint8)
     env.step({agent: np.array([0.0, 0.0, 1.0]) for agent in env.agents})
-    lit = env.render()
-    redder = (lit[..., 0].astype(int) - dark[..., 0]) > 50
+    redder = (env.render()[..., 0].astype(int) - dark[..., 0]) > 50
     assert 1000 < redder.sum() < 30000
 
 

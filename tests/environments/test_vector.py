@@ -22,8 +22,7 @@ AMONG_FIREFLIES = {"robots": [{"count": 2}, {"count": 1, "controller": "external
 
 def policy(rows):
     """Return actions that depend on all that is observed."""
-    columns = np.arange(rows.shape[1])
-    return np.tanh(rows @ np.sin(np.outer(columns, [1.0, 2.0, 3.0])))
+    return np.tanh(rows @ np.sin(np.outer(np.arange(rows.shape[1]), [1.0, 2.0, 3.0])))
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])

@@ -213,8 +213,7 @@ def test_a_cluster_lives_on_in_one_with_more_than_half_of_both(cycles):
 
 
 def test_velocities_are_correlated_until_they_turn_and_growth_is_told_between_rounding_and_large():
-    decay = np.exp(-np.arange(50) / 8)
-    assert correlation_time(decay, 0.5) == pytest.approx(4.0)
+    assert correlation_time(np.exp(-np.arange(50) / 8), 0.5) == pytest.approx(4.0)
     assert correlation_time(np.ones(5), 1.0) is None
     assert correlation_time(np.zeros(5), 1.0) is None
     assert growth_rates([1e-6, 2e-6, 0.2, 1e-14, 1e-13]) == [pytest.approx(math.log(2)), None, None, None]

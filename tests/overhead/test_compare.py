@@ -173,10 +173,8 @@ def test_robots_of_trials_are_told_apart_by_tags_as_in_the_film_and_those_that_l
     assert (by_tags.by, by_tags.identities.unsure) == ("tags", 0)
     assert by_tags.numbers.tolist() == list(range(8))
     assert (by_tags.identities.robot >= 0).all()
-    film = track_trial(mixed, 6, TAGGED)
-    rows = compare_film(film, mixed, 2, lambda trials: trials)
-    clocks = next(row for row in rows if row.name == "half-width of clock rates")
-    assert clocks.unknown == 0
+    rows = compare_film(track_trial(mixed, 6, TAGGED), mixed, 2, lambda trials: trials)
+    assert next(row for row in rows if row.name == "half-width of clock rates").unknown == 0
     leaves = [{"at_s": 5 + number / 10, "remove": [number]} for number in range(1, 4)]  # robot 0 is the reference
     scenario = load_scenario(SCENARIO, [f"schedule={leaves}"])
     for seed in range(6):
@@ -210,8 +208,7 @@ def track_of(seed: int, clock_rate=0.0, speed_cm_s=0.0, wheel_speed=0.0, *, cycl
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("clock_rate", "wheel_speed"), [(0.0, 0.0), (0.01, 0.08)])
 def test_intervals_hold_what_is_true(seed: int, clock_rate: float, wheel_speed: float) -> None:
-    track = track_of(seed, clock_rate, 0.4, wheel_speed)
-    robots = find_robots(track)
+    robots = find_robots(track_of(seed, clock_rate, 0.4, wheel_speed))
     assert robots.identities.unsure == 0
     fitted = fit_film(robots)
     truth = {

@@ -145,8 +145,7 @@ def test_a_way_is_straight_or_has_a_turn_no_faster_than_robots_drive_and_cycles_
     habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
     ways = ways_between(flashes, np.arange(11), np.arange(1, 12), habits)
     learnt = habits.relearnt(ways)
-    gained = learnt.log_likelihood(ways) - habits.log_likelihood(ways)
-    assert (gained > 1).all()
+    assert (learnt.log_likelihood(ways) - habits.log_likelihood(ways) > 1).all()
     assert learnt.kinds.sum() == pytest.approx(1)
     generator = np.random.default_rng(0)
     straight, turning = generator.normal(3, 0.2, 200), generator.uniform(0, 2.5, 150)
@@ -345,8 +344,7 @@ def test_tables_are_written_as_csv_and_as_parquet_alike_without_rows_for_a_film_
     assert written.schema.metadata[b"film"] == b"film.mp4"
     assert link_flashes(FlashTable.of(()), PERIOD_S, FLOOR_CM)[::3] == (pytest.approx(np.empty(0)), 0)
     assert link_flashes(table((1, 30, 30, 0, 0)), PERIOD_S, FLOOR_CM).robot.tolist() == [0]
-    track = TRACK._replace(flashes=())
-    robots = find_robots(track)
+    robots = find_robots(TRACK._replace(flashes=()))
     for ending in ("csv", "parquet"):
         robots.save(*(tmp_path / f"{name}.{ending}" for name in "ftp"))
     assert (tmp_path / "t.csv").read_text() == "time_s,robot,x_cm,y_cm,heading_rad,ring_on,phase_ms\n"

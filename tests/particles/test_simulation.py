@@ -108,8 +108,7 @@ def test_up_to_and_at_the_end_of_the_refractory_period_no_pulse_is_received(refr
         # agent 1 is at `phase` when agent 0 fires: all of these are exact in binary
         swarm = make_resting([0.5, 0.0], response={"refractory": refractory})
         swarm._arrays.next_firing[:] = 0.5, 0.5 + (1 - phase)
-        event = next(swarm)
-        assert as_set(event.received) == ({1} if is_received else set())
+        assert as_set(next(swarm).received) == ({1} if is_received else set())
         assert swarm.phases()[1] == pytest.approx(1.1 * phase if is_received else phase, abs=1e-15)
 
 

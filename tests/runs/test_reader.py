@@ -184,18 +184,9 @@ def test_tables_have_a_row_for_each_trial_none_censored_without_t_sync_and_need_
         points.to_pandas()
 
 
-RESULT = {
-    "seed": pa.int64(),
-    "t_sync_cycles": pa.int64(),
-    "censored": pa.bool_(),
-    "order_parameter": pa.float64(),
-    "simulated_s": pa.float64(),
-    "wall_s": pa.float64(),
-    "steps": pa.int64(),
-    "cycles": pa.int64(),
-    "point": pa.int64(),
-    "trial": pa.int64(),
-}
+RESULT = {"seed": pa.int64(), "t_sync_cycles": pa.int64(), "censored": pa.bool_()}
+RESULT |= dict.fromkeys(("order_parameter", "simulated_s", "wall_s"), pa.float64())
+RESULT |= dict.fromkeys(("steps", "cycles", "point", "trial"), pa.int64())
 MAKING = ["epuck_sim", "pymunk", "numba", "numpy", "python", "host"]
 
 

@@ -16,6 +16,7 @@ from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.util.seeds import point_seed
 from epuck_sim.util.yaml_io import parse_yaml
 from tests.control.bench import with_sense, with_step
+from tests.runs.made_folders import COUNT, SPEED, WIDTH
 
 LOADED = map(load_scenario, ("thesis", "particles", "obstacles"))
 KEYS = {scenario.name: scenario.all_keys(scenario.model_dump(mode="json")) for scenario in LOADED}
@@ -126,8 +127,6 @@ def test_ranges_stand_beside_values_in_files_whole_ones_are_whole_and_all_points
     assert len(SweepAxes.model_validate(given).rows()) == MAX_POINTS == 100_000
 
 
-COUNT, SPEED = "robots.0.count", "robots.0.parameters.speed_cm_s"
-WIDTH = "arena.width_cm"
 VALUES = st.integers(0, 9) | st.sampled_from(["on", None, 0.5, [1, 2], {"x": 1}])
 
 

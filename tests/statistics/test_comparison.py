@@ -171,8 +171,7 @@ def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_coun
     assert (few.difference.has_interval, few.ratio.has_interval) == (False, False)
     assert np.isnan([few.p_value, few.p_holm]).all()
     assert found.compared == 4
-    others = [point.p_value for point in found.points if point is not few]
-    assert not np.isnan(others).any()
+    assert not np.isnan([point.p_value for point in found.points if point is not few]).any()
 
 
 def test_of_one_side_all_censored_there_is_a_p_value_and_no_interval_and_what_is_known_of_the_other_stays() -> None:

@@ -15,15 +15,7 @@ from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
 from epuck_sim.statistics import Statistic, curves, statistic
 from epuck_sim.statistics.comparison import compare, match_values
 from epuck_sim.statistics.curves import series_statistics, series_table, summarize_series
-from epuck_sim.statistics.statistic import (
-    Measured,
-    estimate,
-    estimate_mean,
-    estimate_median,
-    resample,
-    resample_means,
-    summarize as summaries_of,
-)
+from epuck_sim.statistics.statistic import Measured, estimate, estimate_mean, summarize as summaries_of
 from tests.cli.commands import called, cells
 from tests.runs import made_folders
 from tests.runs.made_folders import SPEED, censored, ended, in_memory, store, sweep, weibull
@@ -48,9 +40,9 @@ def test_uncensored_the_mean_is_the_samples_and_the_interval_students_of_its_log
 
 def test_the_last_trial_at_risk_is_no_median_of_trials_most_of_which_ran_out_of_time_before() -> None:
     ends = np.array([5, 6, 7, 8, 9, 10])
-    assert estimate_median(measured(ends, ends == 10, 100)) == UNDETERMINED
-    assert estimate_median(measured(ends, ends > 7, 100)) == UNDETERMINED
-    assert estimate_median(measured(ends, ends > 6, 100)).value == 8.5
+    assert statistic.estimate_median(measured(ends, ends == 10, 100)) == UNDETERMINED
+    assert statistic.estimate_median(measured(ends, ends > 7, 100)) == UNDETERMINED
+    assert statistic.estimate_median(measured(ends, ends > 6, 100)).value == 8.5
 
 
 @given(values_of_trials, st.floats(-1e6, 0))
@@ -87,18 +79,18 @@ def test_resampled_means_are_spread_like_the_means_of_new_trials(trials: int, li
     spreads, truth = [], []
     for seed in range(200):
         made = cut(np.ceil(np.random.default_rng(seed).exponential(100, trials)), limit, seed)
-        spreads.append(np.log(resample_means(made, 100)).var())
+        spreads.append(np.log(statistic.resample_means(made, 100)).var())
         truth.append(math.log(estimate_mean(made).value))
     assert np.sqrt(np.mean(spreads)) == pytest.approx(np.std(truth), rel=0.15)
 
 
 def test_resamples_of_few_trials_are_widened_and_medians_follow_values_that_are_not_positive() -> None:
-    found = np.unique(resample_means(measured([1, 3]), 200))
+    found = np.unique(statistic.resample_means(measured([1, 3]), 200))
     assert found == pytest.approx([2 * 0.5 ** math.sqrt(2), 2, 2 * 1.5 ** math.sqrt(2)])
-    below_0 = np.unique(resample_means(measured([-1, 1]), 200))
+    below_0 = np.unique(statistic.resample_means(measured([-1, 1]), 200))
     assert below_0 == pytest.approx([-math.sqrt(2), 0, math.sqrt(2)])
     values = np.array([3.0, 5, 8, 13, 21])
-    above, below = (resample(measured(each), Statistic.MEDIAN) for each in (values, values - 30))
+    above, below = (statistic.resample(measured(each), Statistic.MEDIAN) for each in (values, values - 30))
     assert (below == above - 30).all()
 
 
@@ -144,7 +136,7 @@ def at_cycle(series, cycle):
     values = np.array([each[cycle] for each in series if len(each) > cycle and not math.isnan(each[cycle])])
     if not len(values):
         return 0, UNDETERMINED.ends, UNDETERMINED.ends
-    return len(values), estimate_mean(measured(values)).ends, estimate_median(measured(values)).ends
+    return len(values), estimate_mean(measured(values)).ends, statistic.estimate_median(measured(values)).ends
 
 
 @given(SERIES)
@@ -196,7 +188,7 @@ def test_series_of_a_folder_have_statistics_and_what_is_no_series_or_statistic_i
         summarize_series(read_points(folder))
     with pytest.raises(ValueError, match="series has none; allowed: one or more"):
         series_statistics([])
-    for use in (estimate, resample):
+    for use in (estimate, statistic.resample):
         with pytest.raises(EpuckSimError, match="statistic is 'mode'; allowed: mean, median, weibull-mean"):
             use(measured([1, 2, 3]), "mode")
 

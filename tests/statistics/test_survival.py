@@ -241,8 +241,7 @@ def test_an_interval_lies_between_two_of_the_means_that_are_numbers():
 
 def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn_one_by_one():
     cells = np.repeat([0, 1, 2], [20_000, 9_000, 1_000])
-    blocks = [*survival.resample_counts(cells, 3, 4000, 1)]
-    counts = np.concatenate(blocks)
+    counts = np.concatenate([*survival.resample_counts(cells, 3, 4000, 1)])
     assert counts.shape == (4000, 3)
     assert (counts.sum(axis=1) == len(cells)).all()
     shares = np.bincount(cells) / len(cells)

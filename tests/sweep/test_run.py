@@ -41,8 +41,7 @@ POINTS = 8
 def uninterrupted(tmp_path_factory) -> list[tuple]:
     """Return the table that every run of the short sweep must give: of one worker, never stopped."""
     folder = tmp_path_factory.mktemp("uninterrupted")
-    scenario = load_scenario(short_sweep(folder, TRIALS))
-    run_sweep(scenario, folder / "run", pool_here)
+    run_sweep(load_scenario(short_sweep(folder, TRIALS)), folder / "run", pool_here)
     rows = table(folder / "run")
     assert len(rows) == POINTS * TRIALS
     return rows

@@ -143,8 +143,7 @@ def test_a_rise_is_from_a_slower_swarm_to_a_faster_one_and_decides_and_t_sync_li
         return Limit(hold, Estimate(cycles, cycles / error, cycles * error), Estimate(1.0), cycles)
 
     holds = (8.0, 4.0, 2.0, 1.0, 0.0)
-    peaked = [*map(limit, holds, (200.0, 20.0, 400.0, 30.0, 20.0))]
-    rise = find_rise(peaked)
+    rise = find_rise([*map(limit, holds, (200.0, 20.0, 400.0, 30.0, 20.0))])
     assert (rise.minimum, rise.peak) == (4.0, 2.0)
     assert rise.log_ratio == pytest.approx(math.log(20), abs=0.1)
     falling = [*map(limit, holds, (200.0, 80.0, 40.0, 30.0, 60.0))]

@@ -225,8 +225,7 @@ def test_robots_pass_a_wall_once_it_is_lifted_and_stay_within_walls_that_come():
 
 def test_a_step_shows_the_arena_of_its_time_with_movables_where_they_are_which_may_touch_a_wall_that_comes():
     simulation = Simulation(REBUILT, 1)
-    widths = [simulation.advance(10).arena.width_cm for _ in range(6)]
-    assert widths == [60, 60, 60, 65, 65, 90]
+    assert [simulation.advance(10).arena.width_cm for _ in range(6)] == [60, 60, 60, 65, 65, 90]
     step = simulation.last_step
     assert step.arena.circles[:, :2].tobytes() == step.movables.tobytes()
     simulation.reset()

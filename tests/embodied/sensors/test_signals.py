@@ -80,8 +80,7 @@ def test_who_perceives_whom_is_as_angles_distances_and_what_is_between_the_centr
     if occlusion:
         hidden, by_an_edge = slow_hidden(scene)
         expected, doubtful = expected & ~hidden, doubtful | by_an_edge
-    found = pairs(scene, section, occlusion)
-    assert (found == expected)[~doubtful].all()
+    assert (pairs(scene, section, occlusion) == expected)[~doubtful].all()
 
 
 @settings(max_examples=40)
