@@ -19,20 +19,8 @@ from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.geometry import polygon_area
-from epuck_sim.overhead.camera import (
-    CORNERS,
-    LOOKING_DOWN,
-    REFERENCE_HEIGHT_CM,
-    REFERENCE_SIDE_CM,
-    CameraModel,
-    Frame,
-    Geometry,
-    Lens,
-    Light,
-    overhead_camera,
-    read_lens,
-    simple_lens,
-)
+from epuck_sim.overhead import camera as cameras
+from epuck_sim.overhead.camera import CORNERS, LOOKING_DOWN, CameraModel, Frame, Geometry, Lens, Light, simple_lens
 from epuck_sim.overhead.floor import check_corners, find_corners
 from epuck_sim.overhead.rings import LEAST_LIGHT, Background, RingFinder, is_lit, ring_light
 from epuck_sim.overhead.synchrony import spread_threshold_s
@@ -99,7 +87,7 @@ class FilmMetadata(BaseModel):
         if self.overhead is None or self.arena_cm is None or is_told:
             return None
         try:
-            camera = overhead_camera(OverheadSection(**self.overhead), *self.arena_cm)
+            camera = cameras.overhead_camera(OverheadSection(**self.overhead), *self.arena_cm)
         except (EpuckSimError, ValidationError):  # written by another version
             return None
         is_same = (camera.width_px, camera.height_px) == size_px
@@ -182,9 +170,9 @@ def calibrate(
     at most `most_frames` from the first dark frame on, or after `most_lit_s` of light. FilmError is raised if the
     options make no sense, the lens does not fit the film, or it shows neither floor nor ring.
     """
-    lens = None if options.lens is None else read_lens(options.lens, size_px)
-    floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)
-    above_cm = options.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(floor_cm)
+    lens = None if options.lens is None else cameras.read_lens(options.lens, size_px)
+    floor_cm = options.arena_cm or (cameras.REFERENCE_SIDE_CM, cameras.REFERENCE_SIDE_CM)
+    above_cm = options.height_cm or cameras.REFERENCE_HEIGHT_CM / cameras.REFERENCE_SIDE_CM * max(floor_cm)
     if above_cm < MIN_HEIGHT_CM:
         said = f"{floor_cm[0]:g}x{floor_cm[1]:g}: a camera {above_cm:.3g} cm above it would be among the robots"
         allowed = f"another height, {MIN_HEIGHT_CM:g} or more, by --height-cm"

@@ -24,15 +24,8 @@ from epuck_sim.figures.saving import tabulate, tabulate_rows
 from epuck_sim.measures.measure import SERIES_COLUMNS, T_SYNC
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, distinguishing_axes, is_logarithmic
-from epuck_sim.statistics import Statistic
-from epuck_sim.statistics.curves import (
-    Curve,
-    PointSeries,
-    check_speed_alone,
-    group_by_other_axes,
-    read_curves,
-    summarize_series,
-)
+from epuck_sim.statistics import Statistic, curves as curve_statistics
+from epuck_sim.statistics.curves import Curve, PointSeries, group_by_other_axes, read_curves, summarize_series
 from epuck_sim.statistics.extrema import MIN_SPEEDS, PLACES, ExtremaSearch, Place, search_extrema
 
 if TYPE_CHECKING:  # or figures would wait for the models
@@ -92,7 +85,7 @@ def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
         raise EpuckSimError(f"predictions are of T_sync in cycles against {' or '.join(PREDICTED_AXES)}, but {this}")
     if len(curves) > MOST_PREDICTED:
         raise EpuckSimError(f"predictions are of up to {MOST_PREDICTED} curves, but these are {len(curves)}")
-    check_speed_alone(curves)
+    curve_statistics.check_speed_alone(curves)
     found = []
     for curve in curves:
         moving = curve.x[curve.x > 0]
