@@ -313,10 +313,7 @@ class Simulation:
         if not self._turn.acquire(False):  # Chipmunk would end the process
             raise ValueError(ANOTHER_THREAD)
         try:
-            if history is None:
-                outcome = self._loop.take_steps(*self.memory, steps, until_firing)
-            else:
-                outcome = history.take(steps)
+            outcome = history.take(steps) if history else self._loop.take_steps(*self.memory, steps, until_firing)
         except BaseException as error:  # whatever a user's controller may raise
             raise self.located(error) from error
         finally:

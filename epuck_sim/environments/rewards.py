@@ -78,8 +78,7 @@ def coverage(situation: Situation) -> FloatArray:
         np.arange(min(GRID_CM, length) / 2, length, GRID_CM) for length in (situation.width_cm, situation.height_cm)
     )
     points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-    covered = (_distances_cm(points, situation.poses) <= COVERED_CM).any(axis=-1)
-    share: FloatArray = covered.mean(axis=-1)
+    share: FloatArray = (_distances_cm(points, situation.poses) <= COVERED_CM).any(axis=-1).mean(axis=-1)
     return share
 
 

@@ -164,8 +164,7 @@ class Isolated(Links, Series):
     check = staticmethod(allowed(direction=one_of(DIRECTIONS)))
 
     def take(self, links: IntArray, cycles: int) -> None:
-        of_each = degrees(links, self._population, self.direction, cycles)
-        self._series += (of_each == 0).mean(axis=1).tolist()
+        self._series += (degrees(links, self._population, self.direction, cycles) == 0).mean(axis=1).tolist()
 
 
 @dataclass

@@ -89,8 +89,7 @@ class SynchronyDetector:
 
 def evaluate(times_s: FloatArray, counts: IntArray, period_s: float) -> list[Evaluation]:
     """Return all evaluations of a film; see `SynchronyDetector`."""
-    detector = SynchronyDetector(period_s)
-    evaluations = map(detector.update, times_s.tolist(), counts.tolist())
+    evaluations = map(SynchronyDetector(period_s).update, times_s.tolist(), counts.tolist())
     return [evaluation for evaluation in evaluations if evaluation is not None]
 
 

@@ -80,8 +80,7 @@ class Track(NamedTuple):
 
     def summary(self) -> dict[str, Any]:
         """Return the fields that are texts, numbers, or tuples of texts: those before `times_s`."""
-        names = self._fields[: self._fields.index("times_s")]
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in self._fields[: self._fields.index("times_s")]}
 
     def periods_at(self, time_s: Any) -> Any:
         """Convert a time, or (n,) times, on the film's clock to periods since the beginning of the trial."""

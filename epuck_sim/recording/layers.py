@@ -7,6 +7,7 @@ the coordinates of the simulation. What each entity holds is in docs/recordings.
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import Any, Literal
 
@@ -19,7 +20,7 @@ from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.display.arena_svg import MOST_NUMBERED
-from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
+from epuck_sim.embodied.observers import find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import half_view_rad
 from epuck_sim.embodied.start import parked
 from epuck_sim.recording import GREY, LIT, WHITE, Level
@@ -308,12 +309,10 @@ class RobotLayers:
         self._minutes = 0  # pictures over time so far
         self._side_by_side = max(1, min(population.size, MAX_COLUMNS // (scenario.camera_pixels + GAP)))
         self._rows = np.empty((0, self._side_by_side, scenario.camera_pixels), np.uint8)  # of the next picture
+        self._scene = partial(make_scene, scenario.robots, scenario.group_kinds)  # of an arena
         scene, nowhere = self._scene(population.arena), np.zeros((0, population.size, 3))
         find_sightings(scene, nowhere)
         find_contacts(scene, nowhere)
-
-    def _scene(self, arena: Arena) -> Scene:
-        return make_scene(self._scenario.robots, self._scenario.group_kinds, arena)
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of overlays, pictures and wheel speeds."""

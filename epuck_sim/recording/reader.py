@@ -226,9 +226,8 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
             reason = "its end is missing" if "footer" in str(error) else error
             raise RecordingError(f"{path}: is not a complete recording: {reason}; record the trial again") from error
     made_by = ", ".join(sorted({entry.application_id for entry in found})) or "no program"
-    raise RecordingError(
-        f"{path}: holds {len(found)} recordings, made by {made_by}; allowed: one made by {APPLICATION}"
-    )
+    said = f"holds {len(found)} recordings, made by {made_by}"
+    raise RecordingError(f"{path}: {said}; allowed: one made by {APPLICATION}")
 
 
 def last_moment_s(path: Path) -> float:

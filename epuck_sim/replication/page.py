@@ -267,8 +267,7 @@ def draw_claim(answer: Answer, trials: Trials, path: Path) -> bool:
 
     Tests that decide the claim come first.
     """
-    judged = sorted(answer.checks, key=lambda each: each not in _decisive(answer))
-    checks = [each.check for each in judged]
+    checks = [each.check for each in sorted(answer.checks, key=lambda each: each not in _decisive(answer))]
     drawn = [check for check in checks if check.test != "formula" and reduction(check) is None]
     if answer.claim.sweep is None or not drawn:
         return False

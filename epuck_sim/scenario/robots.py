@@ -192,9 +192,7 @@ class RobotGroup(ConfigModel):
     @property
     def signal_is_random(self) -> bool:
         """Whether random numbers decide if, or when, a flash reaches a robot."""
-        if isinstance(self.signal, RadioSignal):
-            return self.signal.loss > 0
-        return self.camera.frames_per_s is not None
+        return self.signal.loss > 0 if isinstance(self.signal, RadioSignal) else self.camera.frames_per_s is not None
 
     @property
     def pixels(self) -> int:

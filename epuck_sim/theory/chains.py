@@ -98,8 +98,7 @@ def find_limit(
     for _ in range(chains):
         which = random.integers(len(snapshots), size=1 if hold == math.inf else MOST_INSTANTS)
         periods = np.maximum(1 + jitter * random.standard_normal(agents), 0.1)
-        phases = random.random((agents,))
-        taken, cycles, ended = run_chain(*rules, which, hold, phases, periods)
+        taken, cycles, ended = run_chain(*rules, which, hold, random.random((agents,)), periods)
         times.append(cycles)
         has_ended.append(ended)
         instants += taken

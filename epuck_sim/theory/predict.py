@@ -263,5 +263,4 @@ def _link_length(scenario: Scenario) -> float:
         return math.nan
     log_share = np.log(np.maximum.accumulate(renewed[known]))
     log_moved = np.log(np.array(TRIED_SIDES)[known] * side)
-    moved = math.exp(np.interp(math.log(CHANGED), log_share, log_moved))
-    return moved / CHANGED
+    return math.exp(np.interp(math.log(CHANGED), log_share, log_moved)) / CHANGED

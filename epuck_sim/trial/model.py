@@ -192,14 +192,12 @@ def run_trial(
         if meant is not own and meant.trial_keys | start != own.trial_keys | start:
             raise ValueError(f"an observer is for {meant}; the trial is of {own}, or has other values")
     measuring = Measuring(simulation)
-    run = MODELS[simulation.scenario.model].run
-    result = run(simulation, (*observers, *measuring.at_events), progress, measuring)
+    result = MODELS[own.model].run(simulation, (*observers, *measuring.at_events), progress, measuring)
     return result._replace(measures=measuring.values())
 
 
 def check_interpretable(scenario: Scenario) -> None:
     """Raise ScenarioError for a scenario without controllers to interpret."""
     if not scenario.controllers:
-        raise ScenarioError(
-            f"{scenario.name}: model: {scenario.model} has no controllers to interpret; leave --interpret out"
-        )
+        said = f"model: {scenario.model} has no controllers to interpret"
+        raise ScenarioError(f"{scenario.name}: {said}; leave --interpret out")

@@ -25,9 +25,8 @@ def run_agents(
     firing that an entry of the schedule waits for. A trial that ends at a time ends there exactly.
     """
     if simulation.instants:
-        raise ValueError(
-            f"a trial needs a fresh simulation; in this one, agents have fired at {simulation.instants} instants"
-        )
+        said = f"in this one, agents have fired at {simulation.instants} instants"
+        raise ValueError(f"a trial needs a fresh simulation; {said}")
     stop, period_s = simulation.scenario.stop, simulation.scenario.clocks.period_s
     limit = stop.max_cycles
     longest = 2 * limit  # periods, after which a trial ends whose reference is held back for ever by others

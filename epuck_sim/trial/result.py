@@ -101,8 +101,7 @@ def hopelessness_watch(metric: str, tell: Callable[[float], None]) -> Progress:
         cycle = state.cycles
         orders.append(state.order_parameter)
         if len(orders) == WINDOW:
-            has_told = not state.is_synchronised and is_hopeless(orders, state.oscillators, metric)
-            if has_told:
+            if has_told := not state.is_synchronised and is_hopeless(orders, state.oscillators, metric):
                 tell(sum(orders) / WINDOW)
             orders.clear()
 

@@ -62,8 +62,7 @@ class Bodies:
     @property
     def listed(self) -> list[Thing]:
         """The parts that kernels move by Chipmunk, in the order of their addresses."""
-        moved = [body for body, _ in (*self.movables, *self.drives)]
-        return [*_each(self.robots), *moved, *self.surfaces]
+        return [*_each(self.robots), *(body for body, _ in (*self.movables, *self.drives)), *self.surfaces]
 
     @property
     def pushed(self) -> list[Thing]:

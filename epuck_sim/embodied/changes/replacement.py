@@ -122,8 +122,7 @@ class ControllerFiles:
 
     def __init__(self, simulation: "Simulation", announce: Callable[[str], None]) -> None:
         """Watch the files of a simulation's controllers; `announce` is called with one line for each new one."""
-        self._simulation = simulation
-        self._announce = announce
+        self._simulation, self._announce = simulation, announce
         self._stamps = {controller.path: _stamps(controller) for controller in simulation.controllers}
         self._next_s = 0.0
 
