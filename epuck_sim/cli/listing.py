@@ -50,9 +50,7 @@ def list_measures() -> dict[str, dict[str, str]]:
 
 
 def list_keys(ending: str) -> dict[str, dict[str, str]]:
-    """Return descriptions of keys with this ending, or in this section, by model (N: place), of this name, or file."""
-    if ending.endswith((".py", ".c")) and Path(ending).is_file():
-        return _list_file(ending)
+    """Return descriptions of keys with this ending, or in this section, by model (N: place), and of this name."""
     part = re.sub(r"\b\d+\b", "N", ending)
     found: dict[str, dict[str, str]] = {}
     for name, key, said in _every_key(f".{part}."):
@@ -111,21 +109,6 @@ _of_controller, _of_sensor, _of_curve = (partial(_of_code, find) for find in (fi
 def _of_measure(place: Place) -> str:
     measure = find_measure(place.name)
     return _with_parameters((measure.make.__doc__ or "").partition("\n")[0], measure.parameters)
-
-
-FUNCTIONS = {
-    "step": ("controllers", _of_controller),
-    "sense": ("sensors", _of_sensor),
-    "phase_shift": ("response curves", _of_curve),
-}
-"""Kinds of files by a function that they have, others being measures, and what describes them."""
-
-
-def _list_file(name: str) -> dict[str, dict[str, str]]:
-    source = Path(name).read_text(encoding="utf-8", errors="replace")
-    has = (each for each in FUNCTIONS if re.search(rf"^(def|void|from\b.* import\b.*) {each}\b", source, re.MULTILINE))
-    kind, describe = FUNCTIONS.get(next(has, ""), ("measures", _of_measure))
-    return {kind: {name: describe(Place(name, Path(name)))}}
 
 
 def _with_parameters(doc: str, parameters: Mapping[str, object]) -> str:

@@ -52,7 +52,7 @@ def check(
 
 @scenarios.command("list")
 def list_shipped(
-    key: Annotated[str | None, argument("KEY", "Say instead what this key of scenarios, name or file is.")] = None,
+    key: Annotated[str | None, argument("KEY", "Say instead what this key of scenarios, or this name, is.")] = None,
     measures: Annotated[bool, option("--measures", "List measures of trials, and their parameters.")] = False,
     as_json: options.JsonOption = False,
 ) -> None:

@@ -116,7 +116,7 @@ def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path, monkeyp
     assert call("new").exit_code == 2
 
 
-@pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])
+@pytest.mark.parametrize("line", ["sys.stdout.close()", "setattr(sys, 'stdout', None)"])
 def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, monkeypatch, capsys, line: str) -> None:
     scene = write_scene(tmp_path, "import sys\n" + with_step(line), 0.3)
     monkeypatch.setattr(sys, "stdout", StringIO())

@@ -14,7 +14,6 @@ from epuck_sim.cli.app import app
 from epuck_sim.cli.listing import list_measures
 from epuck_sim.errors import EXTRAS
 from epuck_sim.scenario.changes import NOT_OF_AGENTS
-from epuck_sim.util.builtin import ARENAS, builtin_folder
 from tests.cli.commands import called, read
 
 
@@ -59,14 +58,6 @@ def test_lists_are_also_json_and_a_key_is_explained_by_its_ending_or_section() -
         assert explained["stop.order_parameter"].partition("(number above 0 to 1 or null; default: 0.9")[1]
     assert called("list", "agents.speed_cm_s").splitlines()[0] == "model: particles"
     assert list(read("list", "consensus")) == ["sweeps", "measures"]
-    for name, kind, told in (
-        ("controller", "controllers", "NAME.py {speed_cm_s: 6.0, near_mm: 30, period_s: 5.0, flash_s: 0.4}"),
-        ("sensor", "sensors", "{ahead_cm: 3.0, noise: 0.0}"),
-        ("curve", "response curves", "{bend: 2.0}"),
-        ("measure", "measures", "Path length of the swarm's centre in cm. {from_cycle: 1}"),
-    ):
-        file = str(builtin_folder(ARENAS) / "new" / f"{name}.py")
-        assert read("list", file)[kind][file].endswith(told)
 
 
 def test_parameters_of_controllers_are_explained_by_their_comments_and_kinds_that_a_model_takes_are_listed() -> None:
