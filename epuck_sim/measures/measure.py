@@ -40,8 +40,7 @@ AT_ONCE = {"step": "stretch", CYCLE_METHOD: "batch"}
 TAKES: dict[str, tuple[str, ...]] = {each: ("self", each, "state") for each in (*EVENT_METHODS, *AT_ONCE.values())}
 TAKES |= {CYCLE_METHOD: TAKES["event"], "value": ("self",)}  # what the methods take that trials call
 
-CALLED = (*TAKES, "check", "check_scenario")
-"""All methods that are called, if a measure has them."""
+CALLED = (*TAKES, "check", "check_scenario")  # all methods that are called, if a measure has them
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,8 +67,7 @@ class Film:
     """A film that is being read; only one frame at a time is in memory, whatever the film's length."""
 
     def __init__(self, name: str, container: InputContainer, stream: VideoStream) -> None:
-        self.name = name
-        """The path or address."""
+        self.name = name  # the path or address
         self.description = _read_description(container.metadata)
         """The description that this package stored in the film; None in a film from elsewhere."""
         self.duration_s = _duration_s(container, stream)
@@ -76,8 +75,7 @@ class Film:
         self.is_pictures = container.format.name == "image2"
         """Whether it is a series of numbered pictures, which have no times."""
         self._container, self._stream = container, stream
-        self.rate = float(stream.average_rate or UNSTAMPED_RATE)
-        """Frames per second that the file declares."""
+        self.rate = float(stream.average_rate or UNSTAMPED_RATE)  # frames per second that the file declares
         self._clock = FilmClock(1 / self.rate)
         self._damaged = 0
         self.ended_early = ""  # what is to be said of a file that could not be read to its end
@@ -151,8 +149,7 @@ class FilmClock:
 
     def __init__(self, nominal_s: float) -> None:
         """Begin before the first frame; nominal_s: interval between frames that the file declares."""
-        self.last_s = -1.0
-        """Time of the last frame; -1 before the first one."""
+        self.last_s = -1.0  # time of the last frame; -1 before the first one
         self._nominal_s = nominal_s
         self._zero_s: Fraction | None = None
         self._intervals = self._doubled = self._unordered = self._missing = self._restarts = 0

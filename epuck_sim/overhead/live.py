@@ -158,8 +158,7 @@ class LiveCamera(AbstractContextManager["LiveCamera"]):
     def __init__(self, number: int, tell: Callable[[str], None]) -> None:
         """Open a camera, 0 for the first; `tell` reports drop-outs and returns; raise FilmError if it shows nothing."""
         self.name = f"camera {number}"
-        self.warnings: list[str] = []
-        """Sentences about the times at which it dropped out."""
+        self.warnings: list[str] = []  # sentences about the times at which it dropped out
         self._number, self._tell = number, tell
         self._open()
         if not self._capture.isOpened():

@@ -48,8 +48,7 @@ class Looks:
         With `contrast`, an axis or an ending of its key, intervals are of ratios, or differences, to its first value.
         """
         self._precision, self._key = Precision.parse(until), contrast
-        self.narrow = 0
-        """Number of points whose intervals are narrow enough."""
+        self.narrow = 0  # number of points whose intervals are narrow enough
 
     def check(self, points: Sequence[Point]) -> None:
         """Raise EpuckSimError for a sweep without T_sync, with too low a limit of trials, or without the contrast."""
@@ -144,8 +143,7 @@ class Looks:
         first, *others = (look_interval(each, limit) for each in restrict(samples))
         contrasts = [look_contrast(first, mean, is_relative=self._precision.is_relative) for mean in others]
         widths = [*map(self._precision.width, contrasts)]
-        rows = zip(means, [None, *contrasts], [max(widths), *widths], strict=True)
-        return [Look(size, *row) for row in rows]
+        return [Look(size, *row) for row in zip(means, [None, *contrasts], [max(widths), *widths], strict=True)]
 
     def width(self, number: int) -> float:
         """Return the width of a point's interval over the width asked for; inf as long as there is none."""
