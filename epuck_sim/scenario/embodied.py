@@ -289,10 +289,6 @@ class EmbodiedScenario(Scenario):
         for number, entry in enumerate(() if self.sweep else self.schedule):
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
                 found.append(f"schedule.{number}.add: in the arena all the time: {', '.join(map(str, always))}")
-            sides = ((entry.set.get(f"arena.{key}"), getattr(self.arena, key)) for key in ("width_cm", "height_cm"))
-            if any(after is not None and float(after) < before for after, before in sides):
-                what = f"schedule.{number}.set makes the arena smaller"
-                found.append(f"{what}: trials fail in which a robot or a movable is beyond the new walls then")
         return [*found, *notes_on_faults(self.faults, self.schedule, "robot", stop.reference_robot)]
 
     @property
