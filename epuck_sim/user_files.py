@@ -7,8 +7,6 @@ files of a kind: the object it returns has `sources`, the files it comes from, a
 import ast
 import hashlib
 import math
-import os
-import re
 import sys
 import traceback
 import warnings
@@ -36,7 +34,6 @@ AS_LOADED = "__as_loaded__"  # name in a loaded module of the fingerprints of it
 MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
 
-IS_NO_DATA = re.compile(r"\.py$|(^|/)(\.|__|site-packages/)")  # of paths of code, and of what is hidden or installed
 MOST_NUMBERS = 1_000_000  # most numbers of an array that a robot remembers
 NEAREST = 5  # number of known names that are listed for an unknown one
 OWN_PACKAGE = "epuck-sim"  # name of this package, among those that offer something
@@ -188,7 +185,7 @@ class PythonFile(NamedTuple):
     path: Path
     parts: Mapping[str, Any]  # what it defines, by name, in a module that no `import` statement returns
     sources: Mapping[Path, bytes]
-    """Contents of the file, and of every file beside it that it imports or reads when it is loaded, at that time."""
+    """Contents of the file, and of every file beside it that it imports, at the time of loading."""
     modules: Mapping[Path, ModuleType]  # the module made from each of these files
     error: type[EpuckSimError]  # class of the errors about it
 
@@ -241,8 +238,6 @@ def load_python_file(place: Place, error: type[EpuckSimError], more_folders: Seq
     beside = [file for folder in folders for file in folder.glob("*.py") if file != path]
     importer = _Importer({file.stem: file.resolve() for file in beside})
     hidden = {name: sys.modules.pop(name) for name in importer.files if name in sys.modules}
-    _listen()
-    _at_work.append(importer)
     sys.meta_path.insert(0, importer)
     try:
         spec = spec_from_file_location(path.stem, path, loader=importer)
@@ -256,24 +251,10 @@ def load_python_file(place: Place, error: type[EpuckSimError], more_folders: Seq
         raise error(f"{where}: cannot be loaded: {describe_error(raised)}") from raised
     finally:
         sys.meta_path.remove(importer)
-        _at_work.remove(importer)
         for name in importer.files:
             sys.modules.pop(name, None)
         sys.modules.update(hidden)
-    importer.sources.update((data, data.read_bytes()) for data in importer.data_beside(path))
     return PythonFile(path, vars(module), importer.sources, importer.modules, error)
-
-
-_at_work: list["_Importer"] = []  # which are told of files that are opened to be read
-
-
-@cache
-def _listen() -> None:
-    def note(event: str, given: tuple[Any, ...], importers: list["_Importer"] = _at_work) -> None:
-        if importers and event == "open" and not (isinstance(given[0], int) or given[2] & (os.O_WRONLY | os.O_RDWR)):
-            importers[-1].opened.add(os.fsdecode(given[0]))
-
-    sys.addaudithook(note)
 
 
 class _Importer(MetaPathFinder, Loader):
@@ -283,13 +264,6 @@ class _Importer(MetaPathFinder, Loader):
         self.files = files
         self.sources: dict[Path, bytes] = {}
         self.modules: dict[Path, ModuleType] = {}
-        self.opened: set[str] = set()
-
-    def data_beside(self, path: Path) -> list[Path]:
-        """Return the data that were read in a file's folder, or below it where nothing is hidden or installed."""
-        opened = (Path(name).resolve() for name in sorted(self.opened))
-        own = [file for file in opened if path.parent in file.parents and file.is_file()]
-        return [file for file in own if not IS_NO_DATA.search(file.relative_to(path.parent).as_posix())]
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None) -> ModuleSpec | None:  # noqa: ARG002
         return spec_from_file_location(name, self.files[name], loader=self) if name in self.files else None

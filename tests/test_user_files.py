@@ -252,15 +252,3 @@ def test_an_edit_while_a_file_is_loaded_is_noticed_at_the_next_look(tmp_path):
     path, new = tmp_path / "late.py", "def late(simulation): 'new'"
     path.write_text(f"from pathlib import Path\n\nPath(__file__).write_text({new!r})\n\n{new.replace('new', 'old')}\n")
     assert [find_measure(str(path)).make.__doc__ for _ in range(2)] == ["old", "new"]
-
-
-def test_what_a_file_reads_beside_it_as_it_is_loaded_is_among_its_sources_and_what_it_writes_is_not(tmp_path):
-    path, data = tmp_path / "net.py", tmp_path / "weights.txt"
-    lines = ["from pathlib import Path", f"HERE = Path({str(tmp_path)!r})", "W = (HERE / 'weights.txt').read_text()"]
-    (hidden := tmp_path / ".cache" / "fonts.json").parent.mkdir()
-    hidden.write_text("of a library")
-    lines.append("(HERE / '.cache' / 'fonts.json').read_text()")
-    path.write_text("\n".join([*lines, "(HERE / 'log.txt').write_text(W)", "def net(simulation): return W"]))
-    for weights in ("1", "22"):
-        data.write_text(weights)
-        assert find_measure(str(path)).sources == {path: path.read_bytes(), data: weights.encode()}

@@ -185,9 +185,9 @@ def check_draws(file: PythonFile, instead: str) -> None:
 
     A generator with a seed may draw when the file is loaded, but not in a function: it would go on from trial to trial.
     """
-    for path, module in file.modules.items():
-        values, parts = vars(module), ast.parse(file.sources[path]).body
-        run = (part for part in parts if not isinstance(part, ast.If))  # as a module, not a program
+    for path, source in file.sources.items():
+        values = vars(file.modules[path])
+        run = (part for part in ast.parse(source).body if not isinstance(part, ast.If))  # as a module, not a program
         for call, hidden in (found for part in run for found in _calls(part)):
             if _root(call.func) in (hidden or ()):
                 continue
