@@ -200,6 +200,10 @@ def test_a_dotted_line_is_the_limit_of_all_censored_trials_if_near_and_a_long_on
     scenario = sweep({SPEED: [1, 2]}, 20, stop={"max_cycles": 10**7})
     figure = read_form(in_memory(scenario, lambda point: weibull(point, 1e7)), {}).draw_figure()
     assert "limit: $10^{7}$ cycles" in legend_texts(figure)
+    split = in_memory(sweep({SPEED: [1, 2], made_folders.LIMIT: [100, 200]}, 40), lambda point: weibull(point, 250))
+    for given in ({"panels": "max_cycles"}, {"form": "violins"}):  # with a panel for each limit
+        lines = [panel.get_lines() for panel in read_form(split, given).draw_figure().axes]
+        assert [[each.get_ydata()[0] for each in own if each.get_linestyle() == ":"] for own in lines] == [[100], [200]]
 
 
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else(panel) -> None:

@@ -151,15 +151,16 @@ def joined(curves: Sequence[Any], name: str) -> Any:
 def end_scale(panels: Sequence[Axes], curves: Sequence[Curve], top: float) -> None:
     """Let vertical scales end at the top or below, with a line at the cycle at which a curve's censored trials all are.
 
-    There is none where that changes along a curve, or where there are more than `MAX_LIMITS`.
+    `panels` has that of each curve. There is no line where the cycle changes along one, or beyond `MAX_LIMITS` of them.
     """
     found = [{each.horizon for each in curve.measured if each.censored} for curve in curves]
     limits = sorted(limit for limit in set().union(*found) if limit <= top)
     shown = " or ".join(format_tick(each, plain=each < PLAIN[1]) for each in limits)
+    label = f"limit: {shown} {curves[0].measured[0].unit}"
+    own = {(limit, panel): None for panel, each in zip(panels, found, strict=True) for limit in each if limit <= top}
+    for limit, panel in own if max(map(len, found)) < 2 and len(limits) <= MAX_LIMITS else ():
+        panel.axhline(limit, color=GREY, linestyle=":", label=label)
     for panel in panels:
-        for limit in limits if max(map(len, found)) < 2 and len(limits) <= MAX_LIMITS else ():
-            label = f"limit: {shown} {curves[0].measured[0].unit}"
-            panel.axhline(limit, color=GREY, linestyle=":", label=label)
         panel.set_ylim(top=min(panel.get_ylim()[1], top))
 
 

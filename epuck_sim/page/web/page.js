@@ -54,7 +54,7 @@ class Page {
     this.begin();
     this.has_phases = this.swarm.oscillators?.length !== 0; // agents always have
     for (const each of document.querySelectorAll(".of-phases")) /** @type {any} */ (each).hidden = !this.has_phases;
-    if (!this.has_phases) [this.chosen] = [0], this.show_one(); // there is nothing else to see
+    if (!this.has_phases) (this.chosen = 0), this.show_one(); // there is nothing else to see
     requestAnimationFrame((now) => this.picture(now));
   }
 
