@@ -156,10 +156,9 @@ def end_scale(panels: Sequence[Axes], curves: Sequence[Curve], top: float) -> No
     found = [{each.horizon for each in curve.measured if each.censored} for curve in curves]
     limits = sorted(limit for limit in set().union(*found) if limit <= top)
     shown = " or ".join(format_tick(each, plain=each < PLAIN[1]) for each in limits)
-    label = f"limit: {shown} {curves[0].measured[0].unit}"
     own = {(limit, panel): None for panel, each in zip(panels, found, strict=True) for limit in each if limit <= top}
     for limit, panel in own if max(map(len, found)) < 2 and len(limits) <= MAX_LIMITS else ():
-        panel.axhline(limit, color=GREY, linestyle=":", label=label)
+        panel.axhline(limit, color=GREY, linestyle=":", label=f"limit: {shown} {curves[0].measured[0].unit}")
     for panel in panels:
         panel.set_ylim(top=min(panel.get_ylim()[1], top))
 
