@@ -124,12 +124,13 @@ def jit_functions(
 INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from", "File ")
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
+NOT_KNOWN = "numba knows no {}; of your own modules it compiles those beside the file, imported by name alone"
+
 PLAIN_WORDS = {
     r"^(Cannot cast .*?): .*|^Cannot bind .* due to \"(.*)\"\.?$": r"\1\2",  # without LLVM's value, or all types
     r"^.* '(\w+)'(?:: .* list| in globals|.*'dict'>).*": r"\1 is a list or dictionary of the file; make it a tuple",
-    r"^Unknown attribute '(\w+)' .*<module '([\w.]+)'.*": r"Untyped name '\2.\1': Cannot determine",  # as in the next
-    r"^Untyped .*'([\w.]+)': Cannot determine.*": r"numba knows no \1; of your own modules it compiles those beside "
-    "the file, imported by name alone",
+    r"^Unknown attribute '(\w+)' .*<module '([\w.]+)'.*": NOT_KNOWN.format(r"\2.\1"),
+    r"^Untyped .*'(\w+)': Cannot determine.*": NOT_KNOWN.format(r"\1"),
     r"^Unknown attribute 'shape' of type \w+$": "a number in place of an array; for np.clip write min(max(x, a), b)",
     r"^.*\(IMPORT_NAME\).*": "an import within a function; import at the beginning of the file",
     r"^The use of yield .*": "a generator, (... for ...); write a loop",
