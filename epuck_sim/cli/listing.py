@@ -32,14 +32,14 @@ from epuck_sim.util.yaml_io import read_yaml
 
 def list_names() -> dict[str, dict[str, str]]:
     """Return names and descriptions of scenarios, sweeps, controllers, robots, and what else packages offer."""
-    sweeps = builtin_files(SWEEPS)
+    sweeps, curves = builtin_files(SWEEPS), CURVE.offers.keys() - CURVE.shipped().keys()
     kinds = {
         "scenarios": _describe(SCENARIO, SCENARIO.offers.keys() - sweeps.keys(), _of_yaml),
         "sweeps": _describe(SCENARIO, sweeps, _of_yaml),
-        "controllers": _describe(CONTROLLER, CONTROLLER.offers, _of_controller),
+        "controllers": _describe(CONTROLLER, CONTROLLER.offers, partial(_of_code, find_controller)),
         "robots": _describe(ROBOT, ROBOT.offers, _of_yaml),
-        "sensors": _describe(SENSOR, SENSOR.offers, _of_sensor),
-        "response curves": _describe(CURVE, CURVE.offers.keys() - CURVE.shipped().keys(), _of_curve),
+        "sensors": _describe(SENSOR, SENSOR.offers, partial(_of_code, find_sensor)),
+        "response curves": _describe(CURVE, curves, partial(_of_code, find_curve)),
     }
     return {kind: described for kind, described in kinds.items() if described}
 
@@ -101,9 +101,6 @@ def _of_code(find: Callable[[str], RobotCode], place: Place) -> str:
     path, parameters = place.path or Path(), find(place.name).parameters
     doc = ast.get_docstring(ast.parse(path.read_bytes(), path.name)) if path.suffix == ".py" else ""
     return _with_parameters((doc or "").partition("\n")[0], parameters)
-
-
-_of_controller, _of_sensor, _of_curve = (partial(_of_code, find) for find in (find_controller, find_sensor, find_curve))
 
 
 def _of_measure(place: Place) -> str:

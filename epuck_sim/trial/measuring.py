@@ -93,6 +93,7 @@ class Measuring:
         self._watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
         # entries of the schedule that wait for a cycle or a condition, by their numbers
         self.entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
+        self.waits = bool(self._watches or self.entries)  # the trial's end, or an entry, for a measure or a cycle
         for section in scenario.measures:
             self._begin(section.find(), section.parameters, simulation)
         # those of the order parameter, which every trial measures
@@ -123,11 +124,6 @@ class Measuring:
                     observers.append(partial(_tell_one, tell, simulation))
                 observers += [watch for watch in watches if not watch.counts_firings]
         self.at_cycles += [watch for watch in watches if watch.counts_firings]
-
-    @property
-    def waits(self) -> bool:
-        """Whether the trial's end, or an entry, waits for a measure or a cycle."""
-        return bool(self._watches or self.entries)
 
     def is_over(self) -> bool:
         """Return whether the condition that ends the trial has held, if there is one."""
