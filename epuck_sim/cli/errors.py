@@ -1,7 +1,6 @@
 """Messages about mistakes and slow work: a mistake gets one message and an exit code, no traceback."""
 
 import errno
-import re
 import sys
 import threading
 import traceback
@@ -14,9 +13,7 @@ from typing import TextIO
 import typer
 
 from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError, extras_named
-from epuck_sim.util.messages import cut
 
-LONGEST_WORD = 500  # characters of a name or path, beyond which messages cut it
 SLOW_S = 10.0  # seconds after which a note is printed about work without a progress line
 
 
@@ -33,8 +30,7 @@ def exit_on_error() -> Iterator[None]:
         if (message := _message(error)) is None:
             raise
         if _is_open(sys.stderr):
-            shown = re.sub(rf"\S{{{LONGEST_WORD},}}", lambda word: cut(word[0], LONGEST_WORD), message)
-            print_stderr(f"error: {shown}")
+            print_stderr(f"error: {message}")
         raise typer.Exit(2) from error
 
 

@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
-from functools import partial
 from heapq import heappop, heappush
 from itertools import islice
 from multiprocessing import forkserver, resource_tracker
@@ -36,8 +35,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.trial.particles"]
 """Modules that the server from which local workers are forked has loaded, so that no worker loads them itself."""
 
-MOST_TRIES = 3  # times that workers are started if they die before they have begun
-LIMITED = "they die as they begin; give fewer --workers, or raise a limit of memory or of processes (ulimit -v, -u)"
+LIMITED = "workers cannot start: they die as they begin; give fewer --workers, or raise a limit of memory or of processes"
 
 
 class Pool(NamedTuple):
@@ -87,17 +85,15 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
             needs = "the current folder and TMPDIR must be there, and TMPDIR's path be short"
             raise EpuckSimError(f"workers cannot start: {error.strerror or error}; {needs}") from error
         except EOFError as error:  # the server has died
-            raise EpuckSimError(f"workers cannot start: {LIMITED}") from error
+            raise EpuckSimError(LIMITED) from error
         probe.join()
         if probe.exitcode == 1:  # it imported the script again, which began the sweep, and has said what was wrong
             main = 'below `if __name__ == "__main__":`'
             raise EpuckSimError(f"workers cannot start; a script must be a file, and begin sweeps {main}")
         hold = context.Lock()
-        another = partial(ProcessPoolExecutor, workers, mp_context=context, initializer=_begin, initargs=(hold,))
-        executor, tries = another(), 1
+        executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(hold,))
         try:
-            while not _have_begun(executor, workers, hold, is_last=tries == MOST_TRIES):
-                executor, tries = another(), tries + 1
+            _start(executor, workers, hold)
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
@@ -107,18 +103,15 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         executor.shutdown()
 
 
-def _have_begun(executor: Executor, workers: int, hold: "Lock", *, is_last: bool) -> bool:
-    """Start the workers of an executor, and return whether all live, or raise: no trial is to be blamed."""
+def _start(executor: Executor, workers: int, hold: "Lock") -> None:
+    """Start the workers of an executor; raise EpuckSimError if one dies as it begins: no trial is to be blamed."""
     try:
         with hold:  # all start before one works: an executor may hang if a worker dies while another starts
             begun = _uninterrupted(lambda: [executor.submit(int) for _ in range(workers)])
         for each in begun:
             each.result()
     except (BrokenExecutor, EOFError) as error:
-        if is_last:
-            raise EpuckSimError(f"workers cannot start: {LIMITED}") from error
-        return False
-    return True
+        raise EpuckSimError(LIMITED) from error
 
 
 def _context() -> "ForkServerContext | SpawnContext":
