@@ -35,7 +35,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.trial.particles"]
 """Modules that the server from which local workers are forked has loaded, so that no worker loads them itself."""
 
-LIMITED = "workers cannot start: they die as they begin; give fewer --workers, or raise a limit of memory or of processes"
+LIMITED = "workers cannot start: they die as they begin; give fewer --workers, or raise limits of memory and processes"
 
 
 class Pool(NamedTuple):
