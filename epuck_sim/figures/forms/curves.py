@@ -218,7 +218,7 @@ class Curves(Form):
             if self.settings.points:
                 draw_trials(panel, curve, look.colour, number, len(looks))
         self._label_marks(panels[0])
-        end_scale(self.panels_of(panels), self.curves, top)
+        end_scale(panels, self.curves, top)
 
     def _draw_predictions(self, panels: Sequence[Axes]) -> None:
         for panel, each, (*_, look) in zip(self.panels_of(panels), self.predicted, self.placed, strict=False):

@@ -21,7 +21,6 @@ from epuck_sim.statistics.statistic import measure, measure_unit, quantity
 from epuck_sim.util.messages import counted
 
 MAX_DOTS = 1000  # largest number of trials at a point that an SVG holds as dots; more of them are a picture in it
-MAX_LIMITS = 3  # largest number of limits of cycles at which there are lines
 
 
 @dataclass(frozen=True)
@@ -149,17 +148,13 @@ def joined(curves: Sequence[Any], name: str) -> Any:
 
 
 def end_scale(panels: Sequence[Axes], curves: Sequence[Curve], top: float) -> None:
-    """Let vertical scales end at the top or below, with a line at the cycle at which a curve's censored trials all are.
-
-    `panels` has that of each curve. There is no line where the cycle changes along one, or beyond `MAX_LIMITS` of them.
-    """
-    found = [{each.horizon for each in curve.measured if each.censored} for curve in curves]
-    limits = sorted(limit for limit in set().union(*found) if limit <= top)
-    shown = " or ".join(format_tick(each, plain=each < PLAIN[1]) for each in limits)
-    own = {(limit, panel): None for panel, each in zip(panels, found, strict=True) for limit in each if limit <= top}
-    for limit, panel in own if max(map(len, found)) < 2 and len(limits) <= MAX_LIMITS else ():
-        panel.axhline(limit, color=GREY, linestyle=":", label=f"limit: {shown} {curves[0].measured[0].unit}")
+    """Let vertical scales end at the top or below, with a line at the cycle at which all censored trials are."""
+    limits = {each.horizon for curve in curves for each in curve.measured if each.censored}
     for panel in panels:
+        if len(limits) == 1 and min(limits) <= top:
+            shown = format_tick(min(limits), plain=min(limits) < PLAIN[1])
+            label = f"limit: {shown} {curves[0].measured[0].unit}"
+            panel.axhline(min(limits), color=GREY, linestyle=":", label=label)
         panel.set_ylim(top=min(panel.get_ylim()[1], top))
 
 
