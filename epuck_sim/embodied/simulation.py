@@ -277,10 +277,7 @@ class Simulation:
                 return step
 
     def one_by_one(self, steps: int) -> Iterator[Step]:
-        """Take up to `steps` steps in one arena, at most to the reference's next firing, and show each.
-
-        Raises what `advance` does.
-        """
+        """Take and show up to `steps` steps in one arena, at most to the reference's next firing; see `advance`."""
         taken = self.steps
         for number in range(taken, taken + self._unchanged(taken + steps)):
             self._run(1)

@@ -115,9 +115,7 @@ def read_points(folder: Path | str, of: str | None = None, where: Sequence[str] 
     return results
 
 
-def each_point(
-    folder: Path | str, of: str | None = None, where: Sequence[str] | None = None
-) -> Generator[PointTrials, None, None]:
+def each_point(folder: Path | str, of: str | None = None, where: Sequence[str] | None = None) -> Generator[PointTrials]:
     """Yield the points of `read_points`, which may not fit into memory; close it, as no run can write until then."""
     with reading(folder) as connection:
         measured = [*measures_in(connection), T_SYNC_S]
