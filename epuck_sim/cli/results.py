@@ -228,7 +228,8 @@ def plot(
     A caption and the numbers are written beside the figure. A scenario's section figure has the same options.
     """
     from epuck_sim.figures.saving import Target, parse_target, save_figure
-    from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
+    from epuck_sim.figures.sweep_figure import read_form
+    from epuck_sim.scenario.axes import SIMULATED_AGAIN
 
     target = parse_target(to) if to else None
     reject_first(*(("=" not in text, f"--label is {text!r}; allowed: KEY=TEXT") for text in label or ()))

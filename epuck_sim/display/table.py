@@ -124,8 +124,8 @@ def cell_text(cell: Any) -> str:
     if cell is None or isinstance(cell, bool):
         return {None: "-", True: "yes", False: "no"}[cell]
     if isinstance(cell, Share):
-        near_all = f".{-math.floor(math.log10(100 * (1 - cell)))}f" if 0.99 < cell < 1 else ".0f"  # but not all
-        return "-" if math.isnan(cell) else f"{100 * cell:{near_all if cell > 0.99 else '.2g'}} %"
+        decimals = -math.floor(math.log10(100 * (1 - cell))) if 0.99 < cell < 1 else 0  # nearly all is not all
+        return "-" if math.isnan(cell) else f"{100 * cell:.{decimals}f} %" if cell > 0.99 else f"{100 * cell:.2g} %"
     if isinstance(cell, AtMost):
         return f"<= {cell_text(float(cell))}"
     if isinstance(cell, list | tuple) and not isinstance(cell, Estimate):

@@ -14,7 +14,7 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.labels import FOLDER, format_axis_values, group_labels, short_files
 from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.scenario.axes import check_labels, distinguishing_axes, is_tied_to, numeric_axes
+from epuck_sim.scenario.axes import SIMULATED_AGAIN, check_labels, distinguishing_axes, is_tied_to, numeric_axes
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
@@ -33,8 +33,6 @@ FORMS = {
 """Module in `figures.forms` and class of each form, by its name, and the options that not all forms take."""
 
 Results = Path | str | Sequence[Path | str] | Sequence[PointTrials]  # a run folder, several, or the points of one
-
-SIMULATED_AGAIN = ("perturbation", "course")  # forms for which trials are simulated again
 
 
 def plot(

@@ -21,6 +21,7 @@ SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is d
 LOG_RATIO = 10.0  # least ratio of the largest to the smallest value of an axis with a logarithmic scale
 EVEN_RATIO = 5.0  # the same for values evenly spaced in the logarithm: room for two of the ticks 1, 2 and 5 of a decade
 EVEN_VALUES, EVENNESS = 4, 0.05  # least number of such values, and how far off, relatively, each may be beside rounding
+SIMULATED_AGAIN = ("perturbation", "course")  # forms of figures for which trials are simulated again, beside twins
 MOST_NAMED = 20  # most values of an axis that a message names
 
 Rows = Sequence[Mapping[str, Any]]  # axis values of each point of a sweep, by dotted key

@@ -27,7 +27,7 @@ from epuck_sim.scenario.axes import canonical_text, group_rows, texts_of_values
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.statistics import Statistic, statistic
 from epuck_sim.statistics.statistic import MeanError, Measured, measure, restrict, share_difference, student_estimate
-from epuck_sim.statistics.survival import Sample, are_drawn_by_kind, make_curves
+from epuck_sim.statistics.survival import are_drawn_by_kind, count_events
 from epuck_sim.util.messages import comma_list, counted, in_yaml
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
@@ -166,13 +166,13 @@ def permute_ranks(pair: Pair, seed: int, count: int = PERMUTATIONS) -> Permuted:
     """Return the events of the first sample beyond those expected (Mantel 1966), as `permute` does the contrast."""
     values, observed = (np.concatenate([getattr(each, name) for each in pair]) for name in ("values", "observed"))
     kinds, cells = np.unique(values + 1j * ~observed, return_inverse=True)  # in the order of time, events before others
-    first, sample = len(pair.first.values), Sample(kinds.real, kinds.imag == 0, cells)
-    _, d, n, _ = make_curves(sample, np.bincount(cells)[None])
+    first, is_event = len(pair.first.values), kinds.imag == 0
+    d, n = count_events(is_event, np.bincount(cells)[None])
     excesses, variances = [], []
     for trials in _permutations(np.concatenate([np.sort(cells[:first]), np.sort(cells[first:])]), first, seed, count):
         places = trials[:, :first] + len(kinds) * np.arange(len(trials))[:, None]
         counts = np.bincount(places.ravel(), minlength=len(trials) * len(kinds)).reshape(-1, len(kinds))
-        _, events, at_risk, _ = make_curves(sample, counts)
+        events, at_risk = count_events(is_event, counts)
         share = at_risk / n
         excesses.append((events - d * share).sum(axis=1))
         variances.append((d * share * (1 - share) * (n - d) / np.maximum(n - 1, 1)).sum(axis=1))

@@ -50,10 +50,14 @@ def make_sample(times: npt.ArrayLike, observed: npt.ArrayLike) -> Sample:
     return Sample(t[is_new], is_event[is_new], np.cumsum(is_new) - 1)
 
 
+def count_events(observed: BoolArray, counts: IntArray) -> tuple[IntArray, IntArray]:
+    """Return `events` and `at_risk` of `SurvivalCurves`, for cells of a `Sample` with counts (B, m) of trials."""
+    return counts[:, observed], counts[:, ::-1].cumsum(axis=1)[:, ::-1][:, observed]
+
+
 def make_curves(sample: Sample, counts: IntArray) -> SurvivalCurves:
     """Return the estimates of B samples whose cells hold these numbers of trials, counts (B, m)."""
-    at_risk = counts[:, ::-1].cumsum(axis=1)[:, ::-1][:, sample.observed]
-    events = counts[:, sample.observed]
+    events, at_risk = count_events(sample.observed, counts)
     survival = np.ones((len(counts), events.shape[1] + 1))
     np.cumprod((at_risk - events) / np.maximum(at_risk, 1), axis=1, out=survival[:, 1:])
     return SurvivalCurves(sample.times[sample.observed], events, at_risk, survival)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.axes import check_figure_axes, check_labels
+from epuck_sim.scenario.axes import SIMULATED_AGAIN, check_figure_axes, check_labels
 from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.loader import Point, describe_axes
 from epuck_sim.trial.model import MODELS, run_trial, simulate
@@ -25,7 +25,7 @@ def check_sweep(points: Sequence[Point]) -> None:
     """Raise ScenarioError for a sweep that cannot be run, or cannot be drawn as its section `figure` says."""
     scenario, form = points[0].scenario, points[0].scenario.figure.form
     with refused_at(scenario.name):
-        if form in ("perturbation", "course") and scenario.controllers:
+        if form in SIMULATED_AGAIN and scenario.model != "particles":
             raise ScenarioError(f"figure.form is {form!r}, which needs model: particles; allowed: another form")
         check_figure_axes(scenario.figure, [point.axes for point in points])
         check_labels(scenario.figure.labels, points[0].axes, (each.name for each in scenario.measures), "figure.labels")
